@@ -1,1 +1,10 @@
-#![doc = "A photon-mapping renderer on Embree. See `docs/` for conventions and the scene format."]
+//! Photon mapping on Embree.
+//!
+//! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`]; `embree`, `image_io`,
+//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
+//! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
+
+pub mod math;
+pub mod render;
+pub mod sampling;
+pub mod scene_file;

@@ -1,0 +1,66 @@
+use glam::Vec3;
+
+/// A unit vector in `2 * bits` bits by the octahedral map, each coordinate rounded to the nearest of
+/// `2^bits - 1` steps (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
+/// JCGT 3(2), 2014). `bits` is at most 16.
+///
+/// An odd number of levels puts the six axes exactly on the grid, so that the normal of an axis-aligned wall
+/// survives unchanged.
+pub fn octahedral_encode(v: Vec3, bits: u32) -> u32 {
+    let steps = ((1u32 << bits) - 2) as f32;
+    let l1 = v.x.abs() + v.y.abs() + v.z.abs();
+    let (mut x, mut y) = (v.x / l1, v.y / l1);
+    if v.z < 0.0 {
+        (x, y) = ((1.0 - y.abs()) * 1f32.copysign(x), (1.0 - x.abs()) * 1f32.copysign(y));
+    }
+    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps).round() as u32;
+    quantise(x) << bits | quantise(y)
+}
+
+/// The unit vector of [`octahedral_encode`]; the error is below `3 / 2^bits` radians.
+pub fn octahedral_decode(code: u32, bits: u32) -> Vec3 {
+    let steps = ((1u32 << bits) - 2) as f32;
+    let mask = (1u32 << bits) - 1;
+    let expand = |c: u32| (c as f32).min(steps) / steps * 2.0 - 1.0;
+    let (x, y) = (expand(code >> bits & mask), expand(code & mask));
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).max(0.0);
+    let v = Vec3::new(x - fold.copysign(x), y - fold.copysign(y), z);
+    v / v.length()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn round_trip_error() {
+        for bits in [6u32, 8, 12, 16] {
+            let mut worst = 0f32;
+            for i in 0..20_000 {
+                let phi = i as f32 * 2.399_963;
+                let z = 1.0 - 2.0 * (i as f32 + 0.5) / 20_000.0;
+                let r = (1.0 - z * z).sqrt();
+                let v = Vec3::new(r * phi.cos(), r * phi.sin(), z);
+                worst = worst.max((octahedral_decode(octahedral_encode(v, bits), bits) - v).length());
+            }
+            assert!(worst < 3.0 / (1u32 << bits) as f32, "{bits} bits: {worst}");
+        }
+    }
+
+    #[test]
+    fn axes_are_exact() {
+        for v in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z] {
+            for bits in [6, 8] {
+                assert_eq!(octahedral_decode(octahedral_encode(v, bits), bits), v);
+            }
+        }
+    }
+
+    #[test]
+    fn every_code_decodes_to_a_unit_vector() {
+        for code in 0..1u32 << 12 {
+            assert!((octahedral_decode(code, 6).length() - 1.0).abs() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Jobs: settings, passes, tiles, progress, statistics.
+
+mod settings;
+
+pub use settings::*;

@@ -1,0 +1,88 @@
+/// A piecewise-constant distribution over the indices of a table of non-negative weights.
+#[derive(Clone, Debug)]
+pub struct Distribution1D {
+    /// Cumulative weight up to and including each entry; the last one is the total.
+    cumulative: Vec<f64>,
+}
+
+impl Distribution1D {
+    /// A distribution proportional to `weights`; `None` where there is no positive weight, or one is negative or
+    /// not finite.
+    pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let mut total = 0.0;
+        let mut cumulative = Vec::new();
+        for weight in weights {
+            if !(weight >= 0.0 && weight.is_finite()) {
+                return None;
+            }
+            total += weight;
+            cumulative.push(total);
+        }
+        (total > 0.0 && total.is_finite()).then_some(Self { cumulative })
+    }
+
+    /// Number of entries.
+    #[allow(clippy::len_without_is_empty, reason = "never empty: there is a positive weight")]
+    pub fn len(&self) -> usize {
+        self.cumulative.len()
+    }
+
+    /// Sum of the weights.
+    pub fn total(&self) -> f64 {
+        *self.cumulative.last().unwrap_or(&0.0)
+    }
+
+    /// An index with probability proportional to its weight, for `u` in `[0, 1)`; its probability; and what is
+    /// left of `u`, again uniform in `[0, 1)`. Never returns an index of zero weight.
+    pub fn sample(&self, u: f32) -> (usize, f32, f32) {
+        let target = f64::from(u) * self.total();
+        let index = self.cumulative.partition_point(|&c| c <= target).min(self.last_positive());
+        let low = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        let weight = self.cumulative[index] - low;
+        let rest = ((target - low) / weight) as f32;
+        (index, (weight / self.total()) as f32, rest.clamp(0.0, super::ONE_MINUS_EPSILON))
+    }
+
+    /// Probability of `index`.
+    pub fn probability(&self, index: usize) -> f32 {
+        let low = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        ((self.cumulative[index] - low) / self.total()) as f32
+    }
+
+    fn last_positive(&self) -> usize {
+        let total = self.total();
+        self.cumulative.partition_point(|&c| c < total)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frequencies_match_weights() {
+        let weights = [0.0, 1.0, 3.0, 0.0, 4.0, 0.0];
+        let distribution = Distribution1D::new(weights).unwrap();
+        let n = 80_000;
+        let mut counts = [0; 6];
+        for i in 0..n {
+            let u = (i as f32 + 0.5) / n as f32;
+            let (index, probability, rest) = distribution.sample(u);
+            assert!((0.0..1.0).contains(&rest));
+            assert_eq!(probability, distribution.probability(index));
+            counts[index] += 1;
+        }
+        assert_eq!(counts, [0, 10_000, 30_000, 0, 40_000, 0]);
+        assert_eq!(distribution.sample(1.0 - f32::EPSILON / 2.0).0, 4);
+        assert_eq!(distribution.sample(0.0).0, 1);
+    }
+
+    #[test]
+    fn refuses_what_is_no_distribution() {
+        assert!(Distribution1D::new([]).is_none());
+        assert!(Distribution1D::new([0.0, 0.0]).is_none());
+        assert!(Distribution1D::new([1.0, f64::NAN]).is_none());
+        assert!(Distribution1D::new([1.0, -1.0]).is_none());
+        assert!(Distribution1D::new([f64::INFINITY]).is_none());
+    }
+}

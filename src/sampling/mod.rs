@@ -1,0 +1,16 @@
+//! Random and quasi-random numbers, and the warps that turn them into directions and points.
+//!
+//! A number is a function of (seed, stream, index, dimension) and of nothing else: no state is shared between
+//! photons or pixels, so threads cannot change a picture.
+
+mod distribution;
+mod rng;
+mod sobol;
+pub mod warp;
+
+pub use distribution::Distribution1D;
+pub use rng::{Rng, Stream, mix};
+pub use sobol::{SOBOL_DIMENSIONS, Sobol};
+
+/// Largest `f32` below one: what a uniform variate is clamped to.
+pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;

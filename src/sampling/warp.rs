@@ -1,0 +1,114 @@
+//! Maps of the unit square to points and directions, with their densities.
+
+use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, TAU};
+
+/// The unit disc, area-preserving and of low distortion (Shirley & Chiu, "A Low Distortion Map Between Disk and
+/// Square", 1997). Density `1 / pi` per area.
+pub fn square_to_disc(u: Vec2) -> Vec2 {
+    let p = 2.0 * u - Vec2::ONE;
+    if p.x == 0.0 && p.y == 0.0 {
+        return Vec2::ZERO;
+    }
+    let (r, phi) = if p.x.abs() > p.y.abs() {
+        (p.x, FRAC_PI_4 * (p.y / p.x))
+    } else {
+        (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y))
+    };
+    let (sin, cos) = phi.sin_cos();
+    Vec2::new(r * cos, r * sin)
+}
+
+/// The hemisphere around +z with density `cos(theta) / pi` per solid angle (Malley's method).
+pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3 {
+    let d = square_to_disc(u);
+    Vec3::new(d.x, d.y, (1.0 - d.length_squared()).max(0.0).sqrt())
+}
+
+/// Density of [`square_to_cosine_hemisphere`] per solid angle.
+pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
+    cos_theta.max(0.0) * FRAC_1_PI
+}
+
+/// The sphere with density `1 / (4 pi)` per solid angle.
+pub fn square_to_sphere(u: Vec2) -> Vec3 {
+    square_to_cone(u, 2.0)
+}
+
+/// The cone around +z of all directions with `1 - cos(theta) <= one_minus_cos`, with density
+/// [`cone_pdf`] per solid angle. `one_minus_cos` is taken instead of the cosine because a far light's cone of
+/// 1e-5 rad has a cosine that `f32` cannot tell from one.
+pub fn square_to_cone(u: Vec2, one_minus_cos: f32) -> Vec3 {
+    let drop = u.x * one_minus_cos;
+    let sin = (drop * (2.0 - drop)).max(0.0).sqrt();
+    let (s, c) = (TAU * u.y).sin_cos();
+    Vec3::new(sin * c, sin * s, 1.0 - drop)
+}
+
+/// Density of [`square_to_cone`] per solid angle, inside the cone.
+pub fn cone_pdf(one_minus_cos: f32) -> f32 {
+    1.0 / (TAU * one_minus_cos)
+}
+
+/// `1 - cos` of the half angle under which a sphere of `radius` is seen from `distance`, for
+/// `distance > radius`, without the cancellation of the direct formula.
+pub fn sphere_one_minus_cos(radius: f32, distance: f32) -> f32 {
+    let sin_squared = (radius / distance).powi(2).min(1.0);
+    sin_squared / (1.0 + (1.0 - sin_squared).sqrt())
+}
+
+/// Barycentric coordinates of the second and third vertex, uniform over a triangle (Heitz, "A Low-Distortion Map
+/// Between Triangle and Square", 2019).
+pub fn square_to_triangle(u: Vec2) -> Vec2 {
+    let (x, y) = (u.x, u.y);
+    if y > x {
+        let b = 0.5 * x;
+        Vec2::new(b, y - b)
+    } else {
+        let b = 0.5 * y;
+        Vec2::new(x - b, b)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream};
+
+    #[test]
+    fn means_of_the_warps() {
+        let mut rng = Rng::new(3, Stream::Measure, 1);
+        let n = 400_000;
+        let (mut disc, mut cosine, mut sphere, mut cone, mut triangle) =
+            (Vec2::ZERO, Vec3::ZERO, Vec3::ZERO, 0f64, Vec2::ZERO);
+        let mut disc_r2 = 0f64;
+        for _ in 0..n {
+            let u = rng.next_2d();
+            let d = square_to_disc(u);
+            disc += d;
+            disc_r2 += f64::from(d.length_squared());
+            cosine += square_to_cosine_hemisphere(u);
+            sphere += square_to_sphere(u);
+            cone += f64::from(square_to_cone(u, 0.3).z);
+            let t = square_to_triangle(u);
+            assert!(t.x >= 0.0 && t.y >= 0.0 && t.x + t.y <= 1.0 + 1e-6);
+            triangle += t;
+        }
+        let n = n as f32;
+        assert!((disc / n).length() < 0.005);
+        assert!((disc_r2 / f64::from(n) - 0.5).abs() < 0.003);
+        assert!((cosine / n - Vec3::new(0.0, 0.0, 2.0 / 3.0)).length() < 0.005);
+        assert!((sphere / n).length() < 0.005);
+        assert!((cone / f64::from(n) - 0.85).abs() < 1e-3);
+        assert!((triangle / n - Vec2::splat(1.0 / 3.0)).length() < 0.003);
+    }
+
+    #[test]
+    fn far_sphere_keeps_its_solid_angle() {
+        // radius 1 at 1e5: 1 - cos = 5e-11, which 1 - cos in f32 would round to zero.
+        let x = sphere_one_minus_cos(1.0, 1e5);
+        assert!((x / 5e-11 - 1.0).abs() < 1e-5, "{x}");
+        let v = square_to_cone(Vec2::new(0.9, 0.1), x);
+        assert!((v.x.hypot(v.y) / (2.0f32 * 0.9 * 5e-11).sqrt() - 1.0).abs() < 1e-4);
+    }
+}
