@@ -4,7 +4,9 @@
 //! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
+pub mod embree;
 pub mod math;
+pub mod photons;
 pub mod render;
 pub mod sampling;
 pub mod scene_file;

@@ -1,5 +1,6 @@
 //! What a user may choose, and what the presets choose.
 
+use crate::photons::{Estimator, Kernel, MapKind, SearchRegion};
 use serde::Serialize;
 
 /// How a picture is computed.
@@ -12,53 +13,6 @@ pub enum IntegratorKind {
     Photons,
     /// Unbiased path tracing, the reference.
     Path,
-}
-
-/// Which photon map [`IntegratorKind::Photons`] shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MapKind {
-    /// All photons on diffuse surfaces.
-    Global,
-    /// Photons that met only specular surfaces between light and storing surface.
-    Caustic,
-}
-
-/// Kernel of a density estimate, a function of the distance over the radius.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Kernel {
-    /// Constant (seed of the method: eq. 3).
-    Constant,
-    /// `max(0, 1 - d / (k r))` (eq. 4), with its filter constant `k >= 1`.
-    Cone {
-        /// Filter constant.
-        k: f32,
-    },
-    /// `1 - (d / r)^2`.
-    Epanechnikov,
-    /// The Gaussian of Pavicic (Graphics Gems I), normalised exactly.
-    Gaussian,
-}
-
-/// Whether density estimates carry the known bias of the printed formulas.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Estimator {
-    /// Eq. (3) and (5) of Jensen 1996 as they stand: the N-th photon both sets the radius and is counted.
-    AsPrinted,
-    /// Free of that bias (Garcia, Urena & Sbert 2012): the N-th photon only sets the radius.
-    Corrected,
-}
-
-/// Region in which photons are searched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SearchRegion {
-    /// A sphere.
-    Sphere,
-    /// A sphere flattened along the normal, so that other surfaces nearby are left out.
-    Disc,
 }
 
 /// Presets.
