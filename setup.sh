@@ -90,6 +90,7 @@ apt_embree() {
 fetch_headers() { # fetch_headers DESTINATION
     local state mirror
     state=$1/apt
+    # shellcheck disable=SC2016 # apt's own variables
     mirror=$(apt-get indextargets --format '$(REPO_URI)' \
         'Created-By: Packages' 'Origin: Debian' 'Codename: bookworm' 'Component: main' | head -n 1)
     [ -n "$mirror" ] || fail "apt has no Debian 12 source: is there one in /etc/apt/sources.list.d?"
@@ -141,14 +142,16 @@ install_private_embree() {
     trap "rm -rf -- '$staging'" EXIT
     fetch_headers "$staging"
     fetch_library "$staging"
-    rm -rf "$prefix/include" "$prefix/lib"
+    rm -rf "${prefix:?}/include" "${prefix:?}/lib"
     mv "$staging/include" "$staging/lib" "$prefix"
     rm -rf -- "$staging"
     trap - EXIT
 }
 
 install_embree() {
-    local place
+    local place system
+    # shellcheck source=/dev/null
+    system=$(. /etc/os-release && echo "${ID:-}${VERSION_ID:-}")-$(uname -m)
     if [ -n "${EMBREE_DIR:-}" ]; then
         has_embree "$EMBREE_DIR" || fail "EMBREE_DIR=$EMBREE_DIR holds no Embree $oldest_embree or later:" \
             "expected include/embree4/rtcore_config.h and lib/libembree4.so there"
@@ -160,7 +163,7 @@ install_embree() {
     apt_update
     if apt_embree >/dev/null; then
         install_packages libembree-dev
-    elif [ "$(. /etc/os-release && echo "${ID:-}${VERSION_ID:-}")-$(uname -m)" = debian12-x86_64 ]; then
+    elif [ "$system" = debian12-x86_64 ]; then
         install_private_embree
     else
         fail "this system has no package of Embree $oldest_embree or later, and a private copy exists for Debian 12 on" \
