@@ -2,8 +2,12 @@
 //!
 //! Buffers only; files are written by `image_io`.
 
+mod buffer;
 mod filter;
+mod layers;
 mod rect;
 
+pub use buffer::{Developed, Film, FilmError, Layer, PixelSample, Rejections, Tile};
 pub use filter::{Filter, FilterError, FilterSample, FilterSampler};
+pub use layers::{AOVS, Aov, LayerSet};
 pub use rect::PixelRect;
