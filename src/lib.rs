@@ -5,6 +5,7 @@
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
 pub mod embree;
+pub mod film;
 pub mod math;
 pub mod photons;
 pub mod render;
