@@ -4,6 +4,7 @@
 //! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
+pub mod bsdf;
 pub mod embree;
 pub mod film;
 pub mod math;
