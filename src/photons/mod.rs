@@ -1,5 +1,14 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
 
+mod estimate;
+mod irradiance;
+mod kd_tree;
 mod kernel;
+mod map;
+mod photon;
 
+pub use estimate::{Estimate, EstimateParams};
+pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, MapKind, SearchRegion};
+pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
+pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
