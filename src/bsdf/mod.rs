@@ -149,6 +149,16 @@ impl Bsdf {
         }
     }
 
+    /// Probability with which [`Self::sample`] reflects, as against refracting: `u_lobe` below it reflects. One where
+    /// nothing is transmitted.
+    #[inline]
+    pub fn reflection_probability(&self, wo: Vec3) -> f32 {
+        match self {
+            Self::Lambert(_) | Self::Mirror(_) => 1.0,
+            Self::Dielectric(dielectric) => dielectric.reflectance(wo),
+        }
+    }
+
     /// Reflected plus transmitted flux over incident flux, per channel, on the side that scatters: for the
     /// albedo AOV and for Russian roulette. Exact for the present models, none of which depends on the
     /// direction.

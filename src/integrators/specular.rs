@@ -5,7 +5,6 @@ use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
-use glam::Vec3;
 
 /// A path that has met only specular surfaces so far.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +58,7 @@ fn push(
         return;
     };
     let direction = shading.frame.to_world(sample.wi);
-    let Some(medium) = next_medium(parent.medium, scene, hit, shading, direction, sample.transmission) else {
+    let Some(medium) = scene.medium_after(parent.medium, hit, shading, direction, sample.transmission) else {
         return;
     };
     branches.push(Branch {
@@ -69,25 +68,4 @@ fn push(
         depth: parent.depth + 1,
         share: parent.share * share,
     });
-}
-
-/// The medium after a scattering event; `None` where the direction is on one side of the shading normal and on the
-/// other of the geometric one, so that light would pass a surface that it does not pass.
-pub(crate) fn next_medium(
-    current: MediumId,
-    scene: &Scene,
-    hit: &SurfaceInteraction,
-    shading: &Shading,
-    direction: Vec3,
-    transmission: bool,
-) -> Option<MediumId> {
-    let passes = direction.dot(shading.geometric) * hit.wo.dot(shading.geometric) < 0.0;
-    if passes != transmission {
-        return None;
-    }
-    if !transmission {
-        return Some(current);
-    }
-    let front = direction.dot(hit.point.normal) > 0.0;
-    Some(scene.material(hit).medium_on(front).unwrap_or(current))
 }

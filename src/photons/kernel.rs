@@ -1,15 +1,5 @@
 use serde::Serialize;
 
-/// Which of the photon maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MapKind {
-    /// All photons on diffuse surfaces.
-    Global,
-    /// Photons that met only specular surfaces between the light and the surface they are stored at.
-    Caustic,
-}
-
 /// Kernel of a density estimate, a function of the distance `d` over the radius `r`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]

@@ -2,7 +2,7 @@
 
 use super::material::Material;
 use super::render_space::RenderSpace;
-use super::surface::{HitPoint, Placement, SurfaceInteraction};
+use super::surface::{HitPoint, Placement, Shading, SurfaceInteraction};
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
 use crate::lights::{Light, LightId};
 use crate::math::{Ray, unit};
@@ -252,6 +252,35 @@ impl Scene {
             surface: index,
             primitive: hit.primitive,
         }
+    }
+
+    /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the
+    /// shading normal and on the other of the geometric one: light would pass a surface that it does not pass.
+    #[inline]
+    pub fn medium_after(
+        &self,
+        current: MediumId,
+        hit: &SurfaceInteraction,
+        shading: &Shading,
+        direction: Vec3,
+        transmission: bool,
+    ) -> Option<MediumId> {
+        let passes = direction.dot(shading.geometric) * hit.wo.dot(shading.geometric) < 0.0;
+        if passes != transmission {
+            return None;
+        }
+        if !transmission {
+            return Some(current);
+        }
+        let front = direction.dot(hit.point.normal) > 0.0;
+        Some(self.material(hit).medium_on(front).unwrap_or(current))
+    }
+
+    /// True where an interface is met from another medium than it states on that side: the scene's interfaces
+    /// contradict each other.
+    #[inline]
+    pub fn is_medium_mismatch(&self, hit: &SurfaceInteraction, current: MediumId) -> bool {
+        self.material(hit).medium_on(hit.is_front()).is_some_and(|stated| stated != current)
     }
 
     /// The medium at `point`, by asking rays in many directions which side of an interface they meet first: the
