@@ -11,3 +11,4 @@ pub mod photons;
 pub mod render;
 pub mod sampling;
 pub mod scene_file;
+pub mod shapes;
