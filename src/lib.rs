@@ -12,3 +12,4 @@ pub mod photons;
 pub mod render;
 pub mod sampling;
 pub mod scene_file;
+pub mod shapes;
