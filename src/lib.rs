@@ -5,11 +5,16 @@
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
 pub mod bsdf;
+pub mod camera;
 pub mod embree;
 pub mod film;
+pub mod integrators;
+pub mod lights;
 pub mod math;
+pub mod media;
 pub mod photons;
 pub mod render;
 pub mod sampling;
+pub mod scene;
 pub mod scene_file;
 pub mod shapes;

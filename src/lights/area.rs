@@ -17,6 +17,8 @@ pub struct AreaLight {
     two_sided: bool,
     /// Emits on the side opposite to the shape's own normal.
     flip_normal: bool,
+    /// Radius of the largest piece: what rounding errors near it scale with.
+    extent: f32,
 }
 
 /// Where a photon leaves an area light.
@@ -47,7 +49,8 @@ impl AreaLight {
         flip_normal: bool,
     ) -> Option<Self> {
         let choice = Distribution1D::new(pieces.iter().map(EmitterShape::area))?;
-        Some(Self { pieces, choice, radiance, two_sided, flip_normal })
+        let extent = pieces.iter().map(|piece| piece.bounds().radius()).fold(0.0, f64::max) as f32;
+        Some(Self { pieces, choice, radiance, two_sided, flip_normal, extent })
     }
 
     /// Radiance it emits.
@@ -93,7 +96,7 @@ impl AreaLight {
         }
         let pdf = sample.pdf_solid_angle * probability;
         let wi = unit_f64(to_light)?.as_vec3();
-        let start = start_at(sample.position, normal);
+        let start = start_at(sample.position, normal, self.extent);
         Some(LightSample {
             wi,
             radiance_over_pdf: radiance / pdf,
@@ -126,7 +129,7 @@ impl AreaLight {
         let sides = if self.two_sided { 2.0 } else { 1.0 };
         EmissionStart {
             area_over_pdf: sides / (sample.pdf_area * probability),
-            ..start_at(sample.position, normal)
+            ..start_at(sample.position, normal, self.extent)
         }
     }
 
@@ -146,10 +149,9 @@ impl EmissionStart {
 }
 
 /// A point computed in `f64` on the light, with the bound of [`crate::embree::SurfacePoint`] on its rounding.
-fn start_at(position: DVec3, normal: DVec3) -> EmissionStart {
-    // Wide enough for triangles, which Embree tests in f32 from wherever the ray starts; render space fits the unit
-    // sphere, so this is of the order of the offsets of large triangles.
-    let error = (position.abs().as_vec3() + Vec3::splat(1.0)) * (4.0 * UNIT_ROUNDOFF);
+fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
+    // Wide enough for triangles as well, which Embree tests in f32 after moving their corners to the ray's origin.
+    let error = (position.abs().as_vec3() + Vec3::splat(2.0 * extent)) * (4.0 * UNIT_ROUNDOFF);
     let point = SurfacePoint { position, error, normal, uv: Vec2::ZERO };
     let (rounded, n) = (point.position.as_vec3(), point.normal.as_vec3());
     EmissionStart {
