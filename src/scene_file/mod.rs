@@ -2,5 +2,7 @@
 //! [`crate::scene::Scene`] in render space.
 
 mod description;
+pub mod mesh;
+pub mod ply;
 
 pub use description::*;
