@@ -7,6 +7,7 @@
 pub mod embree;
 pub mod film;
 pub mod math;
+pub mod measure;
 pub mod photons;
 pub mod render;
 pub mod sampling;
