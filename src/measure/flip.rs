@@ -76,8 +76,8 @@ impl Opponent {
             .values()
             .par_chunks_exact(3)
             .map(|p| {
-                // `max` drops NaN.
-                let clamped = [p[0], p[1], p[2]].map(|c| f64::from(c.max(0.0).min(1.0)));
+                // `max` drops NaN, which `clamp` lets through.
+                let clamped = [p[0], p[1], p[2]].map(|c| f64::from(c.clamp(0.0, 1.0).max(0.0)));
                 let v = multiply(&TO_XYZ, DVec3::from_array(clamped)) / WHITE;
                 DVec3::new(116.0 * v.y - 16.0, 500.0 * (v.x - v.y), 200.0 * (v.y - v.z)).as_vec3()
             })
