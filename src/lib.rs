@@ -4,11 +4,18 @@
 //! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
+pub mod bsdf;
+pub mod camera;
 pub mod embree;
 pub mod film;
+pub mod integrators;
+pub mod lights;
 pub mod math;
 pub mod measure;
+pub mod media;
 pub mod photons;
 pub mod render;
 pub mod sampling;
+pub mod scene;
 pub mod scene_file;
+pub mod shapes;

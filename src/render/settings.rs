@@ -1,19 +1,8 @@
 //! What a user may choose, and what the presets choose.
 
-use crate::photons::{Estimator, Kernel, MapKind, SearchRegion};
+use crate::photons::{Estimator, Kernel, SearchRegion};
+pub use crate::scene::{IntegratorKind, MapKind};
 use serde::Serialize;
-
-/// How a picture is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum IntegratorKind {
-    /// Two passes: photon maps, then distribution ray tracing with final gathering (Jensen 1996).
-    PhotonMap,
-    /// One map shown directly at the first diffuse surface.
-    Photons,
-    /// Unbiased path tracing, the reference.
-    Path,
-}
 
 /// Presets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
