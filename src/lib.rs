@@ -11,6 +11,7 @@ pub mod film;
 pub mod integrators;
 pub mod lights;
 pub mod math;
+pub mod measure;
 pub mod media;
 pub mod photons;
 pub mod render;
