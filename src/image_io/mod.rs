@@ -21,3 +21,14 @@ pub use image::{Image, Layer, MetadataValue};
 pub use oiio::library_version;
 pub use read::{DEFAULT_LIMIT, read, read_with_limit};
 pub use write::{PngPixels, write_exr, write_png};
+
+/// Whether an attribute says how a file is stored, not what is in it: such are orders to OpenImageIO when writing, and what it
+/// found out when reading.
+fn is_storage(name: &str) -> bool {
+    const NAMES: [&str; 4] = ["compression", "PixelAspectRatio", "screenWindowCenter", "screenWindowWidth"];
+    const PREFIXES: [&str; 9] = ["oiio", "openexr", "png", "jpeg", "hdr", "tiff", "bmp", "webp", "targa"];
+    match name.split_once(':') {
+        None => NAMES.iter().any(|known| name.eq_ignore_ascii_case(known)),
+        Some((prefix, _)) => PREFIXES.iter().any(|known| prefix.eq_ignore_ascii_case(known)),
+    }
+}

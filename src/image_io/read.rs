@@ -10,7 +10,7 @@ use std::path::Path;
 
 use super::exr_header::{self, BLOCK_LIMIT, Fault};
 use super::oiio::{Failure, Input};
-use super::{Image, ImageError, Layer, MetadataValue};
+use super::{Image, ImageError, Layer, MetadataValue, is_storage};
 
 /// Most values (width times height times channels) that [`read`] takes: 4 GiB of them.
 pub const DEFAULT_LIMIT: u64 = 1 << 30;
@@ -147,12 +147,6 @@ fn part_name(attributes: &[(String, MetadataValue)]) -> &str {
             _ => None,
         })
         .unwrap_or_default()
-}
-
-/// Whether an attribute says how the file is stored, not what is in it.
-fn is_storage(name: &str) -> bool {
-    const STORAGE: [&str; 4] = ["compression", "PixelAspectRatio", "screenWindowCenter", "screenWindowWidth"];
-    STORAGE.contains(&name) || name.starts_with("oiio:") || name.starts_with("openexr:")
 }
 
 fn unreadable(path: &Path, cause: io::Error) -> ImageError {

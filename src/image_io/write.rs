@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::atomic::write_atomically;
 use super::oiio::{Failure, Sample, Spec};
-use super::{Image, ImageError, Layer, MetadataValue};
+use super::{Image, ImageError, Layer, MetadataValue, is_storage};
 
 /// Longest name of a channel that EXR allows, in bytes.
 const LONGEST_NAME: usize = 255;
@@ -16,7 +16,8 @@ const LONGEST_NAME: usize = 255;
 /// Channels are named as every viewer knows them: `R`, `G`, `B` of the layer without a name, `normal.X`, `depth.Z` of others.
 /// Numbers are stored bit by bit, NaN and infinity included; ids are stored as numbers, exact below 2^24.
 ///
-/// Metadata is best given names with a colon (`cardioid:seed`), as formats give meaning to some plain ones.
+/// Metadata is best given names with a colon (`cardioid:seed`), as EXR gives meaning and a type to some plain ones. Nothing is
+/// added to it: the same picture gives the same file, byte by byte.
 ///
 /// # Errors
 /// [`ImageError::Inconsistent`] where the layers do not fit the picture or names are unfit, [`ImageError::Write`] where the
@@ -33,6 +34,9 @@ pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<(), ImageError
             spec.set_channel_name(i, name)?;
         }
         spec.set_text(c"compression", c"zip")?;
+        // Otherwise OpenImageIO adds the time of day, and the same picture never gives the same file. Of the wrong type, it
+        // is not stored; a date among the metadata replaces it.
+        spec.set_int(c"DateTime", 0)?;
         for (name, value) in &metadata {
             match value {
                 Value::Text(text) => spec.set_text(name, text)?,
@@ -182,12 +186,7 @@ fn metadata_of(image: &Image) -> Result<Vec<(CString, Value)>, String> {
     let mut seen = BTreeSet::new();
     let mut metadata = Vec::with_capacity(image.metadata.len());
     for (name, value) in &image.metadata {
-        // "oiio:" and "openexr:" are orders to the library, not metadata.
-        if name.is_empty()
-            || name == "compression"
-            || name.starts_with("oiio:")
-            || name.starts_with("openexr:")
-        {
+        if name.is_empty() || is_storage(name) {
             return Err(format!("metadata cannot be named {name:?}"));
         }
         if !seen.insert(name) {
