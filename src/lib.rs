@@ -8,6 +8,7 @@ pub mod bsdf;
 pub mod camera;
 pub mod embree;
 pub mod film;
+pub mod image_io;
 pub mod integrators;
 pub mod lights;
 pub mod math;
