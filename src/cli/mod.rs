@@ -1,0 +1,3 @@
+//! The subcommands, one file each; the only users of clap and anyhow.
+
+pub(crate) mod compare;
