@@ -113,6 +113,29 @@ private:
   size_t m_size = 0;
 };
 
+/// Writes an open picture strip by strip, so that the layers need never lie interleaved in memory as a whole.
+bool write_strips(ImageOutput& output, const ImageSpec& spec, const OiioLayer* layers, int32_t layer_count,
+                  TypeDesc memory)
+{
+  constexpr int STRIP_ROWS = 64;  // several blocks of each compression but one, so that they are compressed in parallel
+  const size_t pixel_bytes = memory.size() * static_cast<size_t>(spec.nchannels);
+  std::vector<char> strip(pixel_bytes * static_cast<size_t>(spec.width) * std::min(spec.height, STRIP_ROWS));
+  for (int y = 0; y < spec.height; y += STRIP_ROWS) {
+    const int end = std::min(y + STRIP_ROWS, spec.height);
+    const size_t first = static_cast<size_t>(y) * spec.width;
+    const size_t count = static_cast<size_t>(end - y) * spec.width;
+    char* destination = strip.data();
+    for (const OiioLayer* layer = layers; layer != layers + layer_count; ++layer) {
+      const size_t bytes = memory.size() * static_cast<size_t>(layer->channels);
+      const char* source = static_cast<const char*>(layer->pixels) + first * bytes;
+      for (size_t i = 0; i < count; ++i) std::memcpy(destination + i * pixel_bytes, source + i * bytes, bytes);
+      destination += bytes;
+    }
+    if (!output.write_scanlines(y, end, 0, memory, strip.data())) return false;
+  }
+  return true;
+}
+
 const OIIO::ParamValue* attribute_of(const OiioInput* input, int32_t attribute)
 {
   const auto& all = input->spec.extra_attribs;
@@ -192,8 +215,8 @@ bool oiio_spec_set_double(OiioSpec* spec, const char* name, double value)
   });
 }
 
-bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const void* pixels, OiioFormat memory,
-                OiioError* error)
+bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const OiioLayer* layers, int32_t layer_count,
+                OiioFormat memory, OiioError* error)
 {
   return guard(false, error, [&] {
     // Outlives the output, which may write when it is destroyed.
@@ -207,8 +230,8 @@ bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const 
       describe(error, 0, std::string(format) + " cannot be written to an open file");
       return false;
     }
-    const bool written =
-      output->open(format, spec->spec) && output->write_image(type_of(memory), pixels) && output->close();
+    const bool written = output->open(format, spec->spec) &&
+                         write_strips(*output, spec->spec, layers, layer_count, type_of(memory)) && output->close();
     if (file.failure() != 0) {
       describe(error, file.failure(), std::strerror(file.failure()));
       return false;

@@ -51,14 +51,20 @@ bool oiio_spec_set_int(OiioSpec* spec, const char* name, int32_t value);
 bool oiio_spec_set_float(OiioSpec* spec, const char* name, float value);
 bool oiio_spec_set_double(OiioSpec* spec, const char* name, double value);
 
+/// Some channels of a picture to write: rows from the top, channels interleaved, without padding.
+typedef struct OiioLayer {
+  const void* pixels;
+  int32_t channels;
+} OiioLayer;
+
 /// Writes a picture to an open and empty file that can seek. (Of one part: OpenImageIO before 3.0 writes several only to a
 /// file that it opens itself, and does not tell when the disk is full.)
 ///
-/// `format` names the file format as OpenImageIO does ("openexr", "png"). `pixels` are rows from the top, channels
-/// interleaved, each number as `memory` says, without padding. On failure the file holds rubbish and `error` says why. The
-/// descriptor is left open.
-bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const void* pixels, OiioFormat memory,
-                OiioError* error);
+/// `format` names the file format as OpenImageIO does ("openexr", "png"). The channels of the layers, one layer after the
+/// other, are those of the description; each number is as `memory` says. On failure the file holds rubbish and `error` says
+/// why. The descriptor is left open.
+bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const OiioLayer* layers, int32_t layer_count,
+                OiioFormat memory, OiioError* error);
 
 /// A file open for reading. It stands at one part, at first the first.
 typedef struct OiioInput OiioInput;

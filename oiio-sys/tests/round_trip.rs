@@ -1,7 +1,7 @@
 //! What one function of the shim writes another reads back, through the OpenImageIO that is loaded.
 #![allow(unsafe_code, reason = "calls C++")]
 
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CStr, CString};
 use std::fs::{File, OpenOptions};
 use std::io;
 use std::os::fd::AsRawFd;
@@ -30,10 +30,12 @@ fn spec(channels: &[&CStr], format: OiioFormat) -> *mut OiioSpec {
 
 fn write(file: &File, spec: *const OiioSpec, pixels: &[f32]) -> Result<(), (i32, String)> {
     let mut error = OiioError { system: 0, text: [0; 1024] };
+    let channels = pixels.len() as i32 / (WIDTH * HEIGHT);
+    let layer = OiioLayer { pixels: pixels.as_ptr().cast(), channels };
     // SAFETY: a live description, and a buffer of its size.
     let written = unsafe {
-        let pixels = pixels.as_ptr().cast::<c_void>();
-        oiio_write(file.as_raw_fd(), c"openexr".as_ptr(), spec, pixels, OIIO_FORMAT_FLOAT, &raw mut error)
+        let format = c"openexr".as_ptr();
+        oiio_write(file.as_raw_fd(), format, spec, &raw const layer, 1, OIIO_FORMAT_FLOAT, &raw mut error)
     };
     if written { Ok(()) } else { Err(reason(&error)) }
 }

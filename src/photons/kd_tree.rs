@@ -115,10 +115,10 @@ impl<const L: usize> KdTree<L> {
     pub(super) fn build<P: Point>(points: &mut [P]) -> Self {
         let count = points.len().div_ceil(L);
         let mut nodes = vec![Node::default(); count.saturating_sub(1)];
-        split::<P, L>(points, &mut nodes);
+        let extent = Extent::of(points);
+        split::<P, L>(points, extent, &mut nodes);
         let blocks = points.chunks(L).map(block_of).collect();
-        let max_coordinate =
-            points.iter().fold(0f32, |largest, p| largest.max(p.position().abs().max_element()));
+        let max_coordinate = if points.is_empty() { 0.0 } else { extent.max_coordinate() };
         Self { nodes, blocks, len: points.len(), max_coordinate }
     }
 
@@ -197,28 +197,69 @@ impl<const L: usize> KdTree<L> {
     }
 }
 
-/// Orders `points` into blocks of `L` by splitting at the middle block along the widest side, and notes the splits.
-fn split<P: Point, const L: usize>(points: &mut [P], nodes: &mut [Node]) {
+/// Orders `points`, which `extent` bounds, into blocks of `L`, and notes the splits.
+///
+/// The middle block divides along the widest side, unless points with the very same coordinate lie on both sides of
+/// it, as in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of the
+/// wall into cells that overlap, and searches would start in the wrong one. Then the next widest side is tried.
+fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut [Node]) {
     let count = nodes.len() + 1;
     if count == 1 {
         points.sort_unstable_by(everything);
         return;
     }
     let left = count.div_ceil(2);
-    let axis = widest_axis(points);
-    let (_, middle, _) = points.select_nth_unstable_by(left * L, |a, b| {
-        a.position()[axis].total_cmp(&b.position()[axis]).then_with(|| everything(a, b))
-    });
-    let split_at = middle.position()[axis];
-    let (low, high) = points.split_at_mut(left * L);
-    let (low_nodes, rest) = nodes.split_at_mut(left - 1);
-    let (node, high_nodes) = rest.split_at_mut(1);
-    node[0] = Node { split: split_at, axis: axis as u32 };
-    if low.len() + high.len() > PARALLEL_LENGTH {
-        rayon::join(|| split::<P, L>(low, low_nodes), || split::<P, L>(high, high_nodes));
-    } else {
-        split::<P, L>(low, low_nodes);
-        split::<P, L>(high, high_nodes);
+    let axes = extent.widest_first();
+    // Where all three are tied, for want of better, the widest.
+    for (attempt, axis) in axes.into_iter().chain([axes[0]]).enumerate() {
+        let (low, middle, _) = points.select_nth_unstable_by(left * L, |a, b| {
+            a.position()[axis].total_cmp(&b.position()[axis]).then_with(|| everything(a, b))
+        });
+        let split = middle.position()[axis];
+        let low_extent = Extent::of(low);
+        if low_extent.high[axis] < split || attempt == 3 {
+            let (low, high) = points.split_at_mut(left * L);
+            let (low_nodes, rest) = nodes.split_at_mut(left - 1);
+            let (node, high_nodes) = rest.split_at_mut(1);
+            node[0] = Node { split, axis: axis as u32 };
+            let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes);
+            let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes);
+            if count * L > PARALLEL_LENGTH {
+                rayon::join(split_low, split_high);
+            } else {
+                split_low();
+                split_high();
+            }
+            return;
+        }
+    }
+}
+
+/// The box around some points.
+#[derive(Clone, Copy)]
+struct Extent {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Extent {
+    fn of<P: Point>(points: &[P]) -> Self {
+        points.iter().fold(Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }, |extent, point| Self {
+            low: extent.low.min(point.position()),
+            high: extent.high.max(point.position()),
+        })
+    }
+
+    /// The axes, that of the widest side first; of equal ones the lowest.
+    fn widest_first(&self) -> [usize; 3] {
+        let sides = self.high - self.low;
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&a, &b| sides[b].total_cmp(&sides[a]));
+        axes
+    }
+
+    fn max_coordinate(&self) -> f32 {
+        self.low.abs().max(self.high.abs()).max_element()
     }
 }
 
@@ -229,21 +270,6 @@ fn everything<P: Point>(a: &P, b: &P) -> Ordering {
         .then_with(|| p.y.total_cmp(&q.y))
         .then_with(|| p.z.total_cmp(&q.z))
         .then_with(|| a.tie().cmp(&b.tie()))
-}
-
-/// The axis along which the points spread farthest.
-fn widest_axis<P: Point>(points: &[P]) -> usize {
-    let (low, high) = points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), point| {
-        (low.min(point.position()), high.max(point.position()))
-    });
-    let extent = high - low;
-    if extent.x >= extent.y && extent.x >= extent.z {
-        0
-    } else if extent.y >= extent.z {
-        1
-    } else {
-        2
-    }
 }
 
 fn block_of<P: Point, const L: usize>(points: &[P]) -> Block<L> {

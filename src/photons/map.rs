@@ -15,9 +15,9 @@ pub(super) const LEAF: usize = 16;
 pub const DISC_FLATNESS: f32 = 4.0;
 
 /// Least cosine between the normals of a photon and of the place that is looked up: 45 degrees, as for the brick maps
-/// of Christensen & Batali 2004, and three more for the rounding of a stored normal ([`super::NORMAL_ERROR`]),
+/// of Christensen & Batali 2004, and four more for the rounding of a stored normal ([`super::NORMAL_ERROR`]),
 /// so that rounding never rejects a photon that agrees within 45 degrees.
-pub const MIN_NORMAL_COS: f32 = 0.669;
+pub const MIN_NORMAL_COS: f32 = 0.656;
 
 /// Which photons are wanted.
 #[derive(Clone, Copy, Debug)]

@@ -1,9 +1,9 @@
 //! What a scene file says, before anything is built of it: plain data in `f64`, metres and watts, each part with
 //! the place in the file it came from.
 
-use crate::math::Rgb;
+use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -39,6 +39,21 @@ pub struct Named<T> {
     pub value: T,
 }
 
+/// Something in a scene file that is legal but probably not meant.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneWarning {
+    /// Where.
+    pub location: Location,
+    /// What, and what to do about it.
+    pub message: String,
+}
+
+impl fmt::Display for SceneWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.location, self.message)
+    }
+}
+
 /// A whole scene file. All lengths are metres; a file's own unit is applied while reading.
 #[derive(Clone, Debug)]
 pub struct SceneDescription {
@@ -64,6 +79,17 @@ pub struct SceneDescription {
     pub instances: Vec<Named<InstanceDescription>>,
     /// Lights without a surface.
     pub lights: Vec<Named<LightDescription>>,
+    /// What the reader noticed that is legal but probably not meant.
+    pub warnings: Vec<SceneWarning>,
+}
+
+/// Which side of the picture a field of view spans.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FovAxis {
+    /// From the lower to the upper edge.
+    Vertical,
+    /// From the left to the right edge.
+    Horizontal,
 }
 
 /// A pinhole camera.
@@ -77,8 +103,23 @@ pub struct CameraDescription {
     pub at: DVec3,
     /// A direction that points up in the picture.
     pub up: DVec3,
-    /// Full vertical field of view, degrees.
-    pub vertical_fov: f64,
+    /// Full field of view along `fov_axis`, degrees, in `(0, 180)`.
+    pub fov: f64,
+    /// What `fov` spans. Kept as the file says it, since the command line may change the shape of the picture.
+    pub fov_axis: FovAxis,
+}
+
+impl CameraDescription {
+    /// Full vertical field of view in degrees of a picture of `width` by `height` square pixels.
+    pub fn vertical_fov(&self, width: u32, height: u32) -> f64 {
+        match self.fov_axis {
+            FovAxis::Vertical => self.fov,
+            FovAxis::Horizontal => {
+                let half_width = (0.5 * self.fov).to_radians().tan();
+                (2.0 * (half_width * f64::from(height) / f64::from(width)).atan()).to_degrees()
+            }
+        }
+    }
 }
 
 /// Which reconstruction filter weighs samples around a pixel's centre. Radii in pixels.
@@ -170,7 +211,9 @@ pub struct EmissionDescription {
 pub struct ShapeDescription {
     /// Geometry in the shape's own space.
     pub geometry: GeometryDescription,
-    /// From the shape's space to the world (metres).
+    /// From the shape's space to the world, or to the group's space (metres either way: the file's unit is part
+    /// of it). A mirrored placement (negative determinant) does not swap sides: the normal is that of the shape's own
+    /// space, carried along.
     pub transform: DAffine3,
     /// Turns the normal around: the side it points to swaps.
     pub flip_normal: bool,
@@ -202,6 +245,8 @@ pub enum GeometryDescription {
         path: PathBuf,
         /// Shading normals.
         normals: MeshNormals,
+        /// Placement of a mesh whose size is not known beforehand; comes before the shape's transform.
+        fit: Option<FitDescription>,
     },
     /// Triangles given in the scene file.
     Mesh {
@@ -248,6 +293,62 @@ pub enum GeometryDescription {
     },
 }
 
+/// The axis of a mesh's own space that points up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UpAxis {
+    /// As everywhere in this renderer.
+    Y,
+    /// As in many modelling and all survey programs.
+    Z,
+}
+
+/// The point of a mesh's bounding box that a fit puts in place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FitAnchor {
+    /// The middle of the box.
+    Center,
+    /// The middle of its lowest face, to stand something on the ground.
+    Bottom,
+}
+
+/// Turns, moves and scales a mesh, the same in all axes, by its bounding box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FitDescription {
+    /// Longest side of the bounding box afterwards, in the shape's space.
+    pub size: f64,
+    /// Which point goes to `at`.
+    pub anchor: FitAnchor,
+    /// Where it goes, in the shape's space.
+    pub at: DVec3,
+    /// Up in the mesh's file; turned to y.
+    pub up: UpAxis,
+}
+
+impl FitDescription {
+    /// The map from the mesh's own space to the shape's space, for a mesh with these bounds (of the vertices that
+    /// triangles use). `None` where the bounds have no extent that could be scaled: empty, a single point or
+    /// not finite.
+    pub fn transform(&self, bounds: &Bounds3) -> Option<DAffine3> {
+        let turn = match self.up {
+            UpAxis::Y => DMat3::IDENTITY,
+            // z to y and y to -z: a quarter turn about x, exact.
+            UpAxis::Z => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
+        };
+        let turned = bounds.transformed(&DAffine3::from_mat3(turn));
+        let extent = (turned.max - turned.min).max_element();
+        let scale = self.size / extent;
+        if turned.is_empty() || !(extent > 0.0 && extent.is_finite() && scale > 0.0 && scale.is_finite()) {
+            return None;
+        }
+        let center = turned.center();
+        let anchor = match self.anchor {
+            FitAnchor::Center => center,
+            FitAnchor::Bottom => DVec3::new(center.x, turned.min.y, center.z),
+        };
+        Some(DAffine3::from_mat3_translation(turn * scale, self.at - scale * anchor))
+    }
+}
+
 /// A placement of a group.
 #[derive(Clone, Debug)]
 pub struct InstanceDescription {
@@ -279,4 +380,40 @@ pub enum LightDescription {
         /// Radiance, W/(m^2 sr).
         radiance: DVec3,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fit_stands_a_z_up_mesh_on_the_ground() {
+        let bounds = Bounds3 { min: DVec3::new(10.0, 20.0, 30.0), max: DVec3::new(11.0, 22.0, 34.0) };
+        let fit = FitDescription { size: 1.0, anchor: FitAnchor::Bottom, at: DVec3::X, up: UpAxis::Z };
+        let placed = bounds.transformed(&fit.transform(&bounds).unwrap());
+        assert!((placed.min - DVec3::new(0.875, 0.0, -0.25)).length() < 1e-14, "{placed:?}");
+        assert!((placed.max - DVec3::new(1.125, 1.0, 0.25)).length() < 1e-14, "{placed:?}");
+    }
+
+    #[test]
+    fn fit_refuses_what_has_no_size() {
+        let fit = FitDescription { size: 1.0, anchor: FitAnchor::Center, at: DVec3::ZERO, up: UpAxis::Y };
+        assert!(fit.transform(&Bounds3::EMPTY).is_none());
+        assert!(fit.transform(&Bounds3 { min: DVec3::ONE, max: DVec3::ONE }).is_none());
+        assert!(fit.transform(&Bounds3 { min: DVec3::ZERO, max: DVec3::INFINITY }).is_none());
+    }
+
+    #[test]
+    fn horizontal_field_of_view_follows_the_picture() {
+        let camera = CameraDescription {
+            location: Location::default(),
+            eye: DVec3::Z,
+            at: DVec3::ZERO,
+            up: DVec3::Y,
+            fov: 90.0,
+            fov_axis: FovAxis::Horizontal,
+        };
+        assert!((camera.vertical_fov(100, 100) - 90.0).abs() < 1e-12);
+        assert!((camera.vertical_fov(200, 100) - 2.0 * 0.5f64.atan().to_degrees()).abs() < 1e-12);
+    }
 }

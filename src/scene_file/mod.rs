@@ -2,5 +2,13 @@
 //! [`crate::scene::Scene`] in render space.
 
 mod description;
+mod diagnostic;
+pub mod mesh;
+mod parameters;
+mod parse;
+pub mod ply;
+mod reader;
 
 pub use description::*;
+pub use diagnostic::{Diagnostic, SceneFileError};
+pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};

@@ -1,0 +1,252 @@
+//! Triangle meshes as files deliver them, before anything is scaled or moved.
+
+use crate::math::{Bounds3, unit_f64};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Vertex positions in the precision of their file. Files of doubles hold georeferenced models whose coordinates
+/// do not fit `f32` until they are recentred; files of floats would take twice the memory as doubles.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Positions {
+    /// Every value of the file is exact in `f32`.
+    Single(Vec<[f32; 3]>),
+    /// The file holds doubles or integers of 32 bits.
+    Double(Vec<[f64; 3]>),
+}
+
+impl Positions {
+    /// Number of vertices.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Single(positions) => positions.len(),
+            Self::Double(positions) => positions.len(),
+        }
+    }
+
+    /// True for a mesh without vertices.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Position of a vertex.
+    ///
+    /// # Panics
+    /// Where `vertex` is not below [`Self::len`].
+    pub fn get(&self, vertex: u32) -> DVec3 {
+        match self {
+            Self::Single(positions) => Vec3::from_array(positions[vertex as usize]).as_dvec3(),
+            Self::Double(positions) => DVec3::from_array(positions[vertex as usize]),
+        }
+    }
+
+    /// Positions of a triangle's corners.
+    ///
+    /// # Panics
+    /// As [`Self::get`].
+    pub fn corners(&self, triangle: [u32; 3]) -> [DVec3; 3] {
+        triangle.map(|vertex| self.get(vertex))
+    }
+}
+
+/// A mesh in its file's own space and unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriangleMesh {
+    /// Positions. Those that no triangle uses may be anything, even NaN.
+    pub positions: Positions,
+    /// Corners, each below the number of positions; counter-clockwise as seen from the side of the normal. Every
+    /// triangle has an area and finite corners.
+    pub triangles: Vec<[u32; 3]>,
+    /// Unit shading normal of each vertex; zero where the file's is of no use, and the face's must stand in.
+    pub normals: Option<Vec<Vec3>>,
+    /// Texture coordinates of each vertex, finite.
+    pub uvs: Option<Vec<Vec2>>,
+}
+
+/// What a reader left out of a mesh or could not use. All zero for a sound file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MeshReport {
+    /// Faces with fewer than three corners, dropped.
+    pub short_faces: u64,
+    /// Triangles with a corner that is NaN or infinite, dropped.
+    pub non_finite_triangles: u64,
+    /// Triangles with a corner twice or without area, dropped.
+    pub degenerate_triangles: u64,
+    /// Normals that were zero, NaN or infinite, replaced by zero.
+    pub unusable_normals: u64,
+    /// Texture coordinates that were NaN or infinite, replaced by zero.
+    pub unusable_uvs: u64,
+    /// Bytes after the end of what the file declares, ignored.
+    pub trailing_bytes: u64,
+}
+
+impl MeshReport {
+    /// What was found, in words, one item for each kind.
+    pub fn findings(&self) -> Vec<String> {
+        let counts = [
+            (self.short_faces, "faces with fewer than three corners dropped"),
+            (self.non_finite_triangles, "triangles with NaN or infinite corners dropped"),
+            (self.degenerate_triangles, "triangles without area dropped"),
+            (self.unusable_normals, "normals that are zero, NaN or infinite replaced by those of the faces"),
+            (self.unusable_uvs, "texture coordinates that are NaN or infinite replaced by zero"),
+            (self.trailing_bytes, "bytes after the end of the mesh ignored"),
+        ];
+        counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect()
+    }
+}
+
+/// True for a triangle whose corners are in one line or the same point, as far as `f64` can tell: the area is within
+/// the rounding of its own computation. Thin triangles that do have an area pass.
+pub fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
+    /// Rounding of a cross product, relative to the product of the lengths, with room.
+    const ROUNDING: f64 = 4.0 * f64::EPSILON;
+    if !(a.is_finite() && b.is_finite() && c.is_finite()) {
+        return true;
+    }
+    // Each edge by its own size: 1e-200 does not underflow, and a needle is judged by its angle.
+    let (Some(u), Some(v)) = (unit_f64(b - a), unit_f64(c - a)) else { return true };
+    u.cross(v).length() <= ROUNDING
+}
+
+/// Cuts a polygon into a fan of triangles around its first corner and appends them. Right for convex polygons,
+/// and for those that all of their corners can be seen from the first; other concave polygons come out
+/// folded, and are better triangulated where they are made.
+pub fn triangulate_polygon(corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
+    if let [first, rest @ ..] = corners {
+        triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
+    }
+}
+
+/// Drops the triangles that nothing can be done with, and counts them.
+pub(super) fn drop_unusable(triangles: &mut Vec<[u32; 3]>, positions: &Positions, report: &mut MeshReport) {
+    let is_finite =
+        |triangle: &[u32; 3]| positions.corners(*triangle).iter().all(|corner| corner.is_finite());
+    let is_flat = |triangle: &[u32; 3]| is_degenerate(positions.corners(*triangle));
+    // Almost every mesh is sound: look in parallel first.
+    if triangles.par_iter().all(|triangle| is_finite(triangle) && !is_flat(triangle)) {
+        return;
+    }
+    triangles.retain(|triangle| {
+        if !is_finite(triangle) {
+            report.non_finite_triangles += 1;
+            return false;
+        }
+        let is_flat = is_flat(triangle);
+        report.degenerate_triangles += u64::from(is_flat);
+        !is_flat
+    });
+}
+
+impl TriangleMesh {
+    /// Bounds of the vertices that triangles use; empty for a mesh without triangles.
+    pub fn bounds(&self) -> Bounds3 {
+        let of_triangle = |triangle: &[u32; 3]| Bounds3::of_points(self.positions.corners(*triangle));
+        self.triangles.par_iter().map(of_triangle).reduce(|| Bounds3::EMPTY, Bounds3::union)
+    }
+
+    /// Smooth shading normals: for each vertex the mean of the faces around it, weighted by their angles there
+    /// (Thürmer & Wüthrich 1998), unit length. Zero where a vertex has no face or its faces cancel.
+    ///
+    /// Vertices at the same position but with different numbers are not joined: a file that splits them means
+    /// a crease. The result does not depend on the number of threads.
+    pub fn smooth_normals(&self) -> Vec<Vec3> {
+        /// Triangles whose contributions are held at a time.
+        const BATCH: usize = 1 << 16;
+        let mut sums = vec![DVec3::ZERO; self.positions.len()];
+        let mut contributions = Vec::new();
+        for batch in self.triangles.chunks(BATCH) {
+            batch
+                .par_iter()
+                .map(|triangle| self.weighted_normals(*triangle))
+                .collect_into_vec(&mut contributions);
+            // Added in the order of the file, so that sums are the same bits for any number of threads.
+            for (triangle, normals) in batch.iter().zip(&contributions) {
+                for (vertex, normal) in triangle.iter().zip(normals) {
+                    sums[*vertex as usize] += *normal;
+                }
+            }
+        }
+        sums.into_par_iter().map(|sum| unit_f64(sum).unwrap_or(DVec3::ZERO).as_vec3()).collect()
+    }
+
+    /// The unit normal of a triangle times the angle at each of its corners.
+    fn weighted_normals(&self, triangle: [u32; 3]) -> [DVec3; 3] {
+        let corners = self.positions.corners(triangle);
+        let edge = |from: usize, to: usize| unit_f64(corners[to] - corners[from]).unwrap_or(DVec3::ZERO);
+        let normal = unit_f64(edge(0, 1).cross(edge(0, 2))).unwrap_or(DVec3::ZERO);
+        [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(|(at, next, previous)| {
+            let (u, v) = (edge(at, next), edge(at, previous));
+            // Well conditioned for every angle, unlike the arc cosine.
+            normal * u.cross(v).length().atan2(u.dot(v))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A unit cube of two triangles a face, which share its eight vertices.
+    fn cube(scale: f64) -> TriangleMesh {
+        let corner = |i: u32| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| (f64::from(bit) - 0.5) * scale);
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5u32]];
+        let mut triangles = Vec::new();
+        quads.iter().for_each(|quad| triangulate_polygon(quad, &mut triangles));
+        let positions = Positions::Double((0..8).map(corner).collect());
+        TriangleMesh { positions, triangles, normals: None, uvs: None }
+    }
+
+    #[test]
+    fn smooth_normals_of_a_cube_point_along_its_diagonals() {
+        // Weighted by area or by count, the diagonals of the faces would show: 5 faces of 1, 4 or 2 triangles.
+        for scale in [1e-150, 1e-6, 1.0, 1e6, 1e150] {
+            let mesh = cube(scale);
+            for (vertex, normal) in mesh.smooth_normals().iter().enumerate() {
+                let outward = unit_f64(mesh.positions.get(vertex as u32)).unwrap().as_vec3();
+                assert!(
+                    (*normal - outward).length() < 1e-6,
+                    "{scale}: vertex {vertex}: {normal} for {outward}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn degenerate_means_no_area_not_little_area() {
+        let triangle = |x: f64, y: f64| [DVec3::ZERO, DVec3::X, DVec3::new(x, y, 0.0)];
+        assert!(is_degenerate(triangle(0.5, 0.0)));
+        assert!(is_degenerate(triangle(1.0, 0.0)));
+        assert!(is_degenerate([DVec3::splat(0.1), DVec3::splat(0.2), DVec3::splat(0.7)]));
+        assert!(!is_degenerate(triangle(0.5, 1e-12)));
+        assert!(!is_degenerate(triangle(1e-300, 1e-300)));
+        assert!(!is_degenerate(triangle(0.5, 1.0).map(|corner| corner * 1e-200)));
+        assert!(!is_degenerate(triangle(0.5, 1.0).map(|corner| corner * 1e200)));
+        assert!(is_degenerate(triangle(f64::NAN, 1.0)));
+        assert!(is_degenerate(triangle(f64::INFINITY, 1.0)));
+    }
+
+    #[test]
+    fn a_needle_with_two_long_edges_has_an_area() {
+        let needle = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1e-14, 0.0)];
+        assert!(!is_degenerate(needle));
+        // Seen from another corner it is the same triangle.
+        assert!(!is_degenerate([needle[1], needle[2], needle[0]]));
+    }
+
+    #[test]
+    fn bounds_are_those_of_used_vertices() {
+        let mut mesh = cube(2.0);
+        let Positions::Double(positions) = &mut mesh.positions else { unreachable!() };
+        positions.push([f64::NAN, 1e9, 0.0]);
+        assert_eq!(mesh.bounds(), Bounds3 { min: -DVec3::ONE, max: DVec3::ONE });
+    }
+
+    #[test]
+    fn findings_name_what_was_found() {
+        let report = MeshReport { degenerate_triangles: 3, trailing_bytes: 7, ..MeshReport::default() };
+        assert_eq!(
+            report.findings(),
+            ["3 triangles without area dropped", "7 bytes after the end of the mesh ignored"]
+        );
+        assert!(MeshReport::default().findings().is_empty());
+    }
+}

@@ -1,0 +1,172 @@
+//! `[media.NAME]` and `[materials.NAME]`.
+
+use super::names::Names;
+use crate::math::Rgb;
+use crate::scene_file::description::*;
+use crate::scene_file::reader::{Context, Expected, FRACTION, NON_NEGATIVE, Table, Value};
+use glam::DVec3;
+
+/// Indices of refraction. Nothing transparent is near the upper bound; what lies above it is a mistake.
+const IOR: Expected = Expected {
+    what: "an index of refraction from 1 to 100",
+    example: "1.5",
+    holds: |x| (1.0..=100.0).contains(&x),
+};
+
+/// Index of `air` in [`SceneDescription::media`].
+const AIR: usize = 0;
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Lambert,
+    Mirror,
+    Dielectric,
+}
+
+/// Media by name, `air` before all others.
+pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
+    let mut names = Names::new("medium");
+    names.add("air", 0..0);
+    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO };
+    let mut media =
+        vec![Named { name: "air".to_string(), location: Location::default(), value: air.clone() }];
+    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
+        let context = value.context();
+        let name = value.name();
+        if name == "air" {
+            let remedy = "`air` is built in with `ior = 1.0`; choose another name";
+            context.error(&span, "`air` cannot be defined anew", remedy);
+            continue;
+        }
+        names.add(name, span.clone());
+        let example = format!("write `[media.{name}]` and below it `ior = 1.5`");
+        let medium = value.table(format!("[media.{name}]"), &example).and_then(|mut medium| {
+            let ior = medium.required("ior", IOR.example, |value| value.number(&IOR));
+            let absorption = read_absorption(&mut medium, unit);
+            medium.finish();
+            Some(MediumDescription { ior: ior?, absorption: absorption? })
+        });
+        // A medium with errors keeps its place, so that the numbers of the others stay right.
+        let value = medium.unwrap_or(air.clone());
+        media.push(Named { name: name.to_string(), location: context.location(&span), value });
+    }
+    (media, names)
+}
+
+/// Absorption coefficient; per unit of length of the file there, per metre here.
+fn read_absorption(table: &mut Table<'_>, unit: f64) -> Option<DVec3> {
+    let value = table.or("absorption", DVec3::ZERO, |value| value.colour(&NON_NEGATIVE))?;
+    Some(value / unit)
+}
+
+/// Materials by name. Media without a name of their own, from `ior = ...` in a dielectric, are added to `media`.
+pub(super) fn read_materials(
+    table: Option<Table<'_>>,
+    media_names: &Names,
+    media: &mut Vec<Named<MediumDescription>>,
+    unit: f64,
+) -> (Vec<Named<MaterialDescription>>, Names) {
+    let mut names = Names::new("material");
+    let mut materials = Vec::new();
+    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
+        let name = value.name();
+        names.add(name, span.clone());
+        let example = format!("write `[materials.{name}]` and below it `type = \"lambert\"`");
+        let location = value.context().location(&span);
+        let material = value
+            .table(format!("[materials.{name}]"), &example)
+            .and_then(|table| read_material(table, name, &location, media_names, media, unit));
+        let value = material.unwrap_or(BLACK);
+        materials.push(Named { name: name.to_string(), location, value });
+    }
+    (materials, names)
+}
+
+/// Absorbs everything.
+const BLACK: MaterialDescription = MaterialDescription::Lambert { reflectance: Rgb::ZERO, two_sided: true };
+
+/// What a shape that emits is made of where the file gives it no material.
+pub(super) fn implied_material(context: &Context<'_>) -> Named<MaterialDescription> {
+    Named { name: "black (implied)".to_string(), location: context.source.whole(), value: BLACK }
+}
+
+fn read_material(
+    mut table: Table<'_>,
+    name: &str,
+    location: &Location,
+    media_names: &Names,
+    media: &mut Vec<Named<MediumDescription>>,
+    unit: f64,
+) -> Option<MaterialDescription> {
+    let kinds = [("lambert", Kind::Lambert), ("mirror", Kind::Mirror), ("dielectric", Kind::Dielectric)];
+    let material = match table.required("type", "\"lambert\"", |value| value.choice(&kinds))? {
+        Kind::Lambert => {
+            let reflectance = table.required("reflectance", "[0.8, 0.8, 0.8]", read_reflectance);
+            let two_sided = table.or("two-sided", true, |value| value.boolean());
+            reflectance
+                .zip(two_sided)
+                .map(|(reflectance, two_sided)| MaterialDescription::Lambert { reflectance, two_sided })
+        }
+        Kind::Mirror => {
+            let reflectance = table.or("reflectance", Rgb::ONE, read_reflectance);
+            let two_sided = table.or("two-sided", true, |value| value.boolean());
+            reflectance
+                .zip(two_sided)
+                .map(|(reflectance, two_sided)| MaterialDescription::Mirror { reflectance, two_sided })
+        }
+        Kind::Dielectric => {
+            let inside = read_inside(&mut table, media_names, unit);
+            let outside = table.or("outside", AIR, |value| media_names.find(value));
+            inside.zip(outside).map(|(inside, outside)| {
+                let inside = match inside {
+                    Inside::Named(index) => index,
+                    Inside::Anonymous(value) => {
+                        let name = format!("inside of {name}");
+                        media.push(Named { name, location: location.clone(), value });
+                        media.len() - 1
+                    }
+                };
+                MaterialDescription::Dielectric { inside, outside }
+            })
+        }
+    };
+    table.finish();
+    material
+}
+
+fn read_reflectance(value: Value<'_>) -> Option<Rgb> {
+    value.colour(&FRACTION).map(|colour| colour.as_vec3())
+}
+
+/// What is behind a dielectric surface.
+enum Inside {
+    /// Index into [`SceneDescription::media`].
+    Named(usize),
+    /// Given at the material itself.
+    Anonymous(MediumDescription),
+}
+
+/// `inside = "NAME"`, or in short `ior = ...` and perhaps `absorption = ...`.
+fn read_inside(table: &mut Table<'_>, media_names: &Names, unit: f64) -> Option<Inside> {
+    let inside = table.get("inside");
+    let ior = table.get("ior");
+    let absorption = table.get("absorption");
+    match (inside, ior, absorption) {
+        (Some(_), Some(extra), _) | (Some(_), None, Some(extra)) => {
+            let message = format!("{} has both `inside` and `{}`", table.title(), extra.name());
+            let remedy = "the medium's own table says what it is made of: leave one of them out";
+            table.context().error(&extra.span(), message, remedy);
+            None
+        }
+        (Some(inside), None, None) => media_names.find(inside).map(Inside::Named),
+        (None, Some(ior), _) => {
+            let absorption = read_absorption(table, unit);
+            let ior = ior.number(&IOR);
+            Some(Inside::Anonymous(MediumDescription { ior: ior?, absorption: absorption? }))
+        }
+        (None, None, _) => table.refuse(
+            format!("{} does not say what is inside", table.title()),
+            "add `ior = 1.5`, or `inside = \"NAME\"` with a `[media.NAME]`",
+        ),
+    }
+}

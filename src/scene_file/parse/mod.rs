@@ -1,0 +1,234 @@
+//! The text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
+
+mod lights;
+mod materials;
+mod names;
+mod shapes;
+mod transform;
+mod view;
+
+use super::description::*;
+use super::diagnostic::{SceneFileError, SourceText};
+use super::parameters::Parameters;
+use super::reader::{Context, POSITIVE, Table, Value};
+use names::Names;
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+use toml::de::{DeTable, DeValue};
+
+/// Longest scene text that is read. Spans and tables take about 30 times the text, and geometry of that size
+/// belongs in mesh files.
+pub const MAX_TEXT_BYTES: u64 = 32 << 20;
+
+/// Names of units of length, and what they are in metres.
+const UNITS: &[(&str, f64)] =
+    &[("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("km", 1000.0), ("inch", 0.0254), ("ft", 0.3048)];
+
+/// Reads a scene file. `parameters` are the `--set name=value` of the command line, later ones win.
+///
+/// # Errors
+/// [`SceneFileError`] where the file cannot be read, is not UTF-8, is longer than [`MAX_TEXT_BYTES`], or says
+/// something wrong: then with everything that was found, each with its place and remedy. Meshes are not opened,
+/// but that their files exist is checked.
+pub fn load_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, SceneFileError> {
+    let fail = |source, remedy| SceneFileError::Io { path: path.to_path_buf(), source, remedy };
+    let metadata =
+        std::fs::metadata(path).map_err(|error| fail(error, "check the name of the scene file"))?;
+    if !metadata.is_file() {
+        // Also keeps pipes and devices away, which may never end.
+        let error =
+            std::io::Error::other(if metadata.is_dir() { "is a folder" } else { "not a regular file" });
+        return Err(fail(error, "name a scene file (TOML text)"));
+    }
+    let too_long = |bytes| SceneFileError::TooLong { path: path.to_path_buf(), bytes, limit: MAX_TEXT_BYTES };
+    if metadata.len() > MAX_TEXT_BYTES {
+        return Err(too_long(metadata.len()));
+    }
+    let file = File::open(path).map_err(|error| fail(error, "check the permissions of the file"))?;
+    let mut bytes = Vec::new();
+    // The file may grow meanwhile: one byte over the limit is enough to know.
+    file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut bytes).map_err(|error| fail(error, "try again"))?;
+    if bytes.len() as u64 > MAX_TEXT_BYTES {
+        return Err(too_long(bytes.len() as u64));
+    }
+    let text =
+        String::from_utf8(bytes).map_err(|error| not_utf8(path, error.as_bytes(), error.utf8_error()))?;
+    parse_scene(&text, path, parameters)
+}
+
+fn not_utf8(path: &Path, bytes: &[u8], error: std::str::Utf8Error) -> SceneFileError {
+    let (valid, rest) = bytes.split_at(error.valid_up_to());
+    let valid = String::from_utf8_lossy(valid);
+    let location = SourceText::new(&valid, path).location(valid.len());
+    SceneFileError::NotUtf8 { location, byte: rest.first().copied().unwrap_or(0) }
+}
+
+/// Parses the text of a scene file. `file` is its name for messages and the start of relative paths;
+/// `parameters` are the `--set name=value` of the command line, later ones win.
+///
+/// # Errors
+/// As [`load_scene`]. Nothing panics, whatever the text is.
+pub fn parse_scene(
+    text: &str,
+    file: &Path,
+    parameters: &[(String, String)],
+) -> Result<SceneDescription, SceneFileError> {
+    let bytes = text.len() as u64;
+    if bytes > MAX_TEXT_BYTES {
+        return Err(SceneFileError::TooLong { path: file.to_path_buf(), bytes, limit: MAX_TEXT_BYTES });
+    }
+    let (root, syntax_errors) = DeTable::parse_recoverable(text);
+    let source = SourceText::new(text, file);
+    let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+    let mut context = Context::new(source, folder);
+    if !syntax_errors.is_empty() {
+        report_syntax(&context, &syntax_errors);
+        return Err(SceneFileError::Invalid(context.into_findings().0));
+    }
+    if root.get_ref().is_empty() {
+        let remedy = "a scene needs at least one `[[shapes]]`; docs/scene-format.md has a complete example";
+        context.error_of_file("the scene file is empty", remedy);
+        return Err(SceneFileError::Invalid(context.into_findings().0));
+    }
+    context.parameters = read_parameters(&context, root.get_ref(), parameters);
+    let scene = read_scene(&context, root.get_ref(), file);
+    context.parameters.warn_unused(&context);
+    let (errors, warnings) = context.into_findings();
+    match scene {
+        Some(scene) if errors.is_empty() => Ok(SceneDescription { warnings, ..scene }),
+        _ => Err(SceneFileError::Invalid(errors)),
+    }
+}
+
+/// Errors of the TOML parser, each once: it closes nested brackets one by one.
+fn report_syntax(context: &Context<'_>, errors: &[toml::de::Error]) {
+    let mut before = None;
+    for error in errors {
+        let span = error.span().unwrap_or(0..0);
+        let message = format!("not TOML: {}", error.message().replace('\n', ", "));
+        if before.as_ref() != Some(&(span.clone(), message.clone())) {
+            context.error(&span, message.clone(), "");
+        }
+        before = Some((span, message));
+    }
+}
+
+fn read_parameters<'a>(
+    context: &'a Context<'a>,
+    root: &'a DeTable<'a>,
+    settings: &[(String, String)],
+) -> Parameters {
+    let entry = root.iter().find(|(key, _)| key.get_ref() == "parameters");
+    let value = entry.map(|(key, value)| Value::new(context, key.get_ref(), value));
+    let table = value.and_then(|value| value.table("[parameters]", "begin it with a line `[parameters]`"));
+    Parameters::read(context, table.as_ref(), settings)
+}
+
+/// Reads everything that is there; `None` or recorded errors mean that the file is refused.
+fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) -> Option<SceneDescription> {
+    let mut table = Table::new(context, root, 0..0, "the scene file");
+    // Read before everything else, and by itself.
+    table.get("parameters");
+    let stem = || file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = table.or("name", stem(), |value| value.string().map(|name| name.into_owned()));
+    // Where the unit is wrong, the rest is still read for its own errors.
+    let unit = table.or("unit", 1.0, read_unit).unwrap_or(1.0);
+    let camera = section(&mut table, "camera").map(|camera| view::read_camera(camera, unit));
+    let film = section(&mut table, "film").map_or(Some(view::default_film()), view::read_film);
+    let render = section(&mut table, "render").map_or(Some(Default::default()), view::read_render);
+    let (mut media, media_names) = materials::read_media(section(&mut table, "media"), unit);
+    let (mut materials, material_names) =
+        materials::read_materials(section(&mut table, "materials"), &media_names, &mut media, unit);
+    let shape_tables = sections(&mut table, "shapes");
+    if shape_tables.is_empty() && table.get("shapes").is_none() {
+        context.error_of_file("the scene has no shapes", "add at least one `[[shapes]]` table");
+    }
+    let shapes = shapes::read_shapes(shape_tables, &material_names, unit);
+    if shapes.uses_implied_material {
+        materials.push(materials::implied_material(context));
+    }
+    let instances = shapes::read_instances(sections(&mut table, "instances"), &shapes.group_names, unit);
+    let lights = lights::read_lights(sections(&mut table, "lights"), unit);
+    table.finish();
+    media_names.warn_unused(context, "is used by no material");
+    material_names.warn_unused(context, "is used by no shape");
+    shapes.group_names.warn_unused(context, "is placed by no `[[instances]]`, so it is not in the picture");
+    Some(SceneDescription {
+        name: name?,
+        location: context.source.whole(),
+        camera: match camera {
+            None => None,
+            Some(camera) => Some(camera?),
+        },
+        film: film?,
+        render: render?,
+        media,
+        materials,
+        shapes: shapes.shapes,
+        groups: shapes.groups,
+        instances,
+        lights,
+        warnings: Vec::new(),
+    })
+}
+
+fn read_unit(value: Value<'_>) -> Option<f64> {
+    const REMEDY: &str = "write `unit = \"mm\"`, or the number of metres in one unit: `unit = 0.001`";
+    if !value.is_string() {
+        return value.number(&POSITIVE);
+    }
+    let text = value.string()?;
+    match UNITS.iter().find(|(name, _)| *name == text) {
+        Some(&(_, metres)) => Some(metres),
+        // A parameter may stand for the number.
+        None => match text.parse::<f64>() {
+            Ok(metres) if metres > 0.0 && metres.is_finite() => Some(metres),
+            _ => {
+                value.refuse("\"mm\", \"cm\", \"m\", \"km\", \"inch\", \"ft\" or a number of metres", REMEDY)
+            }
+        },
+    }
+}
+
+/// The table `[name]`, if the file has it.
+fn section<'a>(root: &mut Table<'a>, name: &'static str) -> Option<Table<'a>> {
+    let value = root.get(name)?;
+    value.table(format!("[{name}]"), &format!("begin it with a line `[{name}]`"))
+}
+
+/// The tables `[[name]]` in the order of the file, each titled with its name or number.
+fn sections<'a>(root: &mut Table<'a>, name: &'static str) -> Vec<Table<'a>> {
+    let Some(value) = root.get(name) else { return Vec::new() };
+    let DeValue::Array(items) = value.get_ref() else {
+        value.refuse::<()>("a list of tables", format!("begin each with a line `[[{name}]]`"));
+        return Vec::new();
+    };
+    let tables = items.iter().enumerate().filter_map(|(index, item)| {
+        let value = Value::new(value.context(), name, item);
+        value.table(format!("[[{name}]] number {}", index + 1), &format!("begin it with `[[{name}]]`"))
+    });
+    tables.collect()
+}
+
+/// Name of an item of a list: the key `name`, or its kind and number; a name given twice is refused.
+fn read_name(table: &mut Table<'_>, seen: &mut Names, kind: &str, index: usize) -> Option<String> {
+    let context = table.context();
+    let Some(value) = table.get("name") else { return Some(format!("{kind} {}", index + 1)) };
+    let name = value.string()?.into_owned();
+    declare(context, seen, &name, &value.span())?;
+    Some(name)
+}
+
+/// Adds a name that must be new.
+fn declare(context: &Context<'_>, names: &mut Names, name: &str, span: &Range<usize>) -> Option<()> {
+    if let Some(first) = names.place_of(name) {
+        let place = context.location(first);
+        let message = format!("the name `{name}` is taken: first at {place}");
+        context.error(span, message, "give each its own name");
+        return None;
+    }
+    names.add(name, span.clone());
+    Some(())
+}

@@ -1,0 +1,65 @@
+//! Names that one part of a file defines and others refer to.
+
+use crate::scene_file::diagnostic::suggestion;
+use crate::scene_file::reader::{Context, Value};
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Names of one kind of thing, numbered in the order in which they were added.
+#[derive(Debug)]
+pub(super) struct Names {
+    /// What they name, for messages: "material".
+    kind: &'static str,
+    by_name: BTreeMap<String, Entry>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    index: usize,
+    span: Range<usize>,
+    used: Cell<bool>,
+}
+
+impl Names {
+    pub(super) fn new(kind: &'static str) -> Self {
+        Self { kind, by_name: BTreeMap::new() }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.by_name.len()
+    }
+
+    /// Adds a name, or nothing where it exists, and returns its number.
+    pub(super) fn add(&mut self, name: &str, span: Range<usize>) -> usize {
+        let index = self.by_name.len();
+        self.by_name.entry(name.to_string()).or_insert(Entry { index, span, used: Cell::new(false) }).index
+    }
+
+    /// Where a name was defined.
+    pub(super) fn place_of(&self, name: &str) -> Option<&Range<usize>> {
+        self.by_name.get(name).map(|entry| &entry.span)
+    }
+
+    /// The number of the thing that `value` names; counts as a use of it.
+    pub(super) fn find(&self, value: Value<'_>) -> Option<usize> {
+        let name = value.string()?;
+        if let Some(entry) = self.by_name.get(name.as_ref()) {
+            entry.used.set(true);
+            return Some(entry.index);
+        }
+        let known: Vec<_> = self.by_name.keys().map(String::as_str).collect();
+        let message = format!("`{}`: no {} is named `{name}`", value.name(), self.kind);
+        value.context().error(&value.span(), message, suggestion(&name, &known));
+        None
+    }
+
+    /// Warns about names that nothing refers to; those without a place in the file are built in.
+    pub(super) fn warn_unused(&self, context: &Context<'_>, consequence: &str) {
+        for (name, entry) in &self.by_name {
+            if !entry.used.get() && !entry.span.is_empty() {
+                context.warn(&entry.span, format!("the {} `{name}` {consequence}", self.kind));
+            }
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! `[[shapes]]` and `[[instances]]`.
+
+use super::names::Names;
+use super::read_name;
+use super::transform::{in_metres, is_similarity, transform_of};
+use crate::scene_file::description::*;
+use crate::scene_file::mesh::{is_degenerate, triangulate_polygon};
+use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, Table, Value};
+use glam::{DAffine3, DVec3};
+use std::path::PathBuf;
+
+/// Sine of the angle between two edges below which a quad counts as a line.
+const FLAT: f64 = 1e-12;
+
+/// What `[[shapes]]` says.
+#[derive(Debug)]
+pub(super) struct Shapes {
+    pub(super) shapes: Vec<Named<ShapeDescription>>,
+    pub(super) groups: Vec<Named<()>>,
+    pub(super) group_names: Names,
+    /// Whether some shape emits and has no material; it then has the one after the last of the file.
+    pub(super) uses_implied_material: bool,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Mesh,
+    Quad,
+    Sphere,
+    Cylinder,
+    Disc,
+}
+
+const KINDS: &[(&str, Kind)] = &[
+    ("mesh", Kind::Mesh),
+    ("quad", Kind::Quad),
+    ("sphere", Kind::Sphere),
+    ("cylinder", Kind::Cylinder),
+    ("disc", Kind::Disc),
+];
+
+pub(super) fn read_shapes(tables: Vec<Table<'_>>, materials: &Names, unit: f64) -> Shapes {
+    let mut names = Names::new("shape");
+    let mut result = Shapes {
+        shapes: Vec::new(),
+        groups: Vec::new(),
+        group_names: Names::new("group"),
+        uses_implied_material: false,
+    };
+    for (index, mut table) in tables.into_iter().enumerate() {
+        let name = read_name(&mut table, &mut names, "shape", index);
+        let location = table.location();
+        let group = table.optional("group", |value| read_group(value, &mut result));
+        let shape = read_shape(table, materials, unit);
+        let (Some(name), Some(group), Some(shape)) = (name, group, shape) else { continue };
+        result.uses_implied_material |= shape.material == materials.len();
+        result.shapes.push(Named { name, location, value: ShapeDescription { group, ..shape } });
+    }
+    result
+}
+
+/// Index of a group, which the first shape in it defines.
+fn read_group(value: Value<'_>, result: &mut Shapes) -> Option<usize> {
+    let name = value.string()?;
+    let index = result.group_names.add(&name, value.span());
+    if index == result.groups.len() {
+        let location = value.context().location(&value.span());
+        result.groups.push(Named { name: name.into_owned(), location, value: () });
+    }
+    Some(index)
+}
+
+fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<ShapeDescription> {
+    let kind = table.required("type", "\"sphere\"", |value| value.choice(KINDS))?;
+    let geometry = match kind {
+        Kind::Mesh => read_mesh(&mut table),
+        Kind::Quad => read_quad(&mut table),
+        Kind::Sphere => read_sphere(&mut table),
+        Kind::Cylinder => read_cylinder(&mut table),
+        Kind::Disc => read_disc(&mut table),
+    };
+    let transform = transform_of(&mut table);
+    let flip_normal = table.or("flip-normal", false, |value| value.boolean());
+    let emission = table.optional("emission", read_emission);
+    // An emitter need not reflect anything, so only it may do without a material.
+    let material = match (table.get("material"), &emission) {
+        (Some(value), _) => materials.find(value),
+        (None, Some(None)) => table.required("material", "\"NAME\"", |_| None),
+        (None, _) => Some(materials.len()),
+    };
+    let is_round = matches!(kind, Kind::Sphere | Kind::Cylinder | Kind::Disc);
+    if is_round && transform.is_some_and(|transform| !is_similarity(&transform)) {
+        table.refuse::<()>(
+            format!("{} is scaled unequally or sheared: round shapes must stay round", table.title()),
+            "use the same `scale` for all axes, or a mesh",
+        );
+    }
+    table.finish();
+    Some(ShapeDescription {
+        geometry: geometry?,
+        // The unit comes last and as a factor of its own: coordinates keep the numbers of the file.
+        transform: DAffine3::from_scale(DVec3::splat(unit)) * transform?,
+        flip_normal: flip_normal?,
+        material: material?,
+        emission: emission?,
+        group: None,
+    })
+}
+
+fn read_emission(value: Value<'_>) -> Option<EmissionDescription> {
+    let mut table =
+        value.table("`emission`", "write for example `emission = { radiance = [10.0, 9.0, 8.0] }`")?;
+    let radiance = table.required("radiance", "[10.0, 9.0, 8.0]", |value| value.colour(&NON_NEGATIVE));
+    let two_sided = table.or("two-sided", false, |value| value.boolean());
+    table.finish();
+    Some(EmissionDescription { radiance: radiance?, two_sided: two_sided? })
+}
+
+fn read_point(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {
+    table.required(key, "[0.0, 1.0, 0.0]", |value| value.vector(&NUMBER))
+}
+
+fn read_radius(table: &mut Table<'_>) -> Option<f64> {
+    table.required("radius", "1.0", |value| value.number(&POSITIVE))
+}
+
+fn read_quad(table: &mut Table<'_>) -> Option<GeometryDescription> {
+    let corner = read_point(table, "corner");
+    let edge_u = read_point(table, "edge-u");
+    let edge_v = read_point(table, "edge-v");
+    let (corner, edge_u, edge_v) = (corner?, edge_u?, edge_v?);
+    let (u, v) = (crate::math::unit_f64(edge_u), crate::math::unit_f64(edge_v));
+    if !u.zip(v).is_some_and(|(u, v)| u.cross(v).length() > FLAT) {
+        return table.refuse(
+            format!("{} has no area: `edge-u` or `edge-v` is zero, or they are parallel", table.title()),
+            "give two edges from `corner` that span a parallelogram",
+        );
+    }
+    Some(GeometryDescription::Quad { corner, edge_u, edge_v })
+}
+
+fn read_sphere(table: &mut Table<'_>) -> Option<GeometryDescription> {
+    let center = table.or("center", DVec3::ZERO, |value| value.vector(&NUMBER));
+    let radius = read_radius(table);
+    Some(GeometryDescription::Sphere { center: center?, radius: radius? })
+}
+
+fn read_cylinder(table: &mut Table<'_>) -> Option<GeometryDescription> {
+    let base = read_point(table, "base");
+    let top = read_point(table, "top");
+    let radius = read_radius(table);
+    let (base, top, radius) = (base?, top?, radius?);
+    if crate::math::unit_f64(top - base).is_none() {
+        let message = format!("{} has no height: `base` and `top` are the same point", table.title());
+        return table.refuse(message, "put `base` and `top` at the two ends of its axis");
+    }
+    Some(GeometryDescription::Cylinder { base, top, radius })
+}
+
+fn read_disc(table: &mut Table<'_>) -> Option<GeometryDescription> {
+    let center = table.or("center", DVec3::ZERO, |value| value.vector(&NUMBER));
+    let normal = table.or("normal", DVec3::Y, |value| match value.vector(&NUMBER)? {
+        DVec3::ZERO => value.refuse("a direction", "give at least one number that is not 0"),
+        normal => Some(normal),
+    });
+    let radius = read_radius(table);
+    Some(GeometryDescription::Disc { center: center?, normal: normal?, radius: radius? })
+}
+
+fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
+    let kinds =
+        [("file", MeshNormals::FromFile), ("flat", MeshNormals::Flat), ("smooth", MeshNormals::Smooth)];
+    if table.get("file").is_some() {
+        let path = table.required("file", "", read_mesh_path);
+        let normals = table.or("normals", MeshNormals::FromFile, |value| value.choice(&kinds));
+        let fit = table.optional("fit", read_fit);
+        return Some(GeometryDescription::MeshFile { path: path?, normals: normals?, fit: fit? });
+    }
+    if table.get("vertices").is_none() {
+        return table.refuse(
+            format!("{} is a mesh without `file` and without `vertices`", table.title()),
+            "add `file = \"meshes/knot.ply\"`, or `vertices` and `faces`",
+        );
+    }
+    let positions = table.required("vertices", "", read_vertices);
+    let count = positions.as_ref().map(Vec::len);
+    let example = "[[0, 1, 2]]";
+    let faces = table.required("faces", example, |value| read_faces(value, positions.as_deref()));
+    let normals = table.or("normals", MeshNormals::Flat, |value| value.choice(&kinds[1..]));
+    count?;
+    Some(GeometryDescription::Mesh { positions: positions?, triangles: faces?, normals: normals? })
+}
+
+/// Path of a mesh file, which must exist and be of a kind that can be read.
+fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
+    let path = value.path()?;
+    let is_ply = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
+    let shown = path.display();
+    let context = value.context();
+    if !path.exists() {
+        let remedy = "paths are relative to the scene file, those given by `--set` to the current directory";
+        context.error(&value.span(), format!("there is no mesh file {shown}"), remedy);
+        return None;
+    }
+    if !path.is_file() {
+        let remedy = "name a PLY file";
+        context.error(&value.span(), format!("{shown} is a folder or not a regular file"), remedy);
+        return None;
+    }
+    if !is_ply {
+        let remedy = "convert it to PLY; the name of the file must end in `.ply`";
+        context.error(&value.span(), format!("{shown} is not a PLY file by its name"), remedy);
+        return None;
+    }
+    Some(path)
+}
+
+fn read_fit(value: Value<'_>) -> Option<FitDescription> {
+    let anchors = [("center", FitAnchor::Center), ("bottom", FitAnchor::Bottom)];
+    let axes = [("y", UpAxis::Y), ("z", UpAxis::Z)];
+    let mut table = value.table("`fit`", "write for example `fit = { size = 1.0, anchor = \"bottom\" }`")?;
+    let size = table.required("size", "1.0", |value| value.number(&POSITIVE));
+    let anchor = table.or("anchor", FitAnchor::Center, |value| value.choice(&anchors));
+    let at = table.or("at", DVec3::ZERO, |value| value.vector(&NUMBER));
+    let up = table.or("up", UpAxis::Y, |value| value.choice(&axes));
+    table.finish();
+    Some(FitDescription { size: size?, anchor: anchor?, at: at?, up: up? })
+}
+
+fn read_vertices(value: Value<'_>) -> Option<Vec<DVec3>> {
+    let example = "[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]";
+    let vertices = value.list("a list of points", example)?;
+    if vertices.len() < 3 {
+        return value.refuse("at least 3 points", format!("write for example `vertices = {example}`"));
+    }
+    vertices.map(|vertex| vertex.vector(&NUMBER)).collect()
+}
+
+/// Faces as triangles. Without `positions` (they have errors of their own) only the form is checked. What a
+/// mesh file may contain by accident, nobody writes by hand on purpose: here it is refused.
+fn read_faces(value: Value<'_>, positions: Option<&[DVec3]>) -> Option<Vec<[u32; 3]>> {
+    const EXAMPLE: &str = "[[0, 1, 2], [0, 2, 3]]";
+    let faces = value.list("a list of faces", EXAMPLE)?;
+    if faces.len() == 0 {
+        return value.refuse("at least one face", format!("write for example `faces = {EXAMPLE}`"));
+    }
+    let last = positions.map_or(u64::from(u32::MAX), |positions| positions.len() as u64 - 1);
+    let mut triangles = Vec::new();
+    for face in faces {
+        let corners = face.list("a list of faces, each a list of vertex numbers", EXAMPLE)?;
+        let corners: Vec<_> = corners.map(|corner| corner.integer(0..=last)).collect();
+        let corners: Vec<u32> =
+            corners.into_iter().map(|corner| u32::try_from(corner?).ok()).collect::<Option<_>>()?;
+        if corners.len() < 3 {
+            return face.refuse("at least 3 corners", "leave the face out or complete it");
+        }
+        let before = triangles.len();
+        triangulate_polygon(&corners, &mut triangles);
+        let Some(positions) = positions else { continue };
+        let has_area = |triangle: &[u32; 3]| !is_degenerate(triangle.map(|index| positions[index as usize]));
+        if !triangles[before..].iter().all(has_area) {
+            return face.refuse(
+                "a face with an area",
+                "three of its corners are in one line or the same point: give the corners in order around it",
+            );
+        }
+    }
+    Some(triangles)
+}
+
+pub(super) fn read_instances(
+    tables: Vec<Table<'_>>,
+    groups: &Names,
+    unit: f64,
+) -> Vec<Named<InstanceDescription>> {
+    let mut names = Names::new("instance");
+    let mut instances = Vec::new();
+    for (index, mut table) in tables.into_iter().enumerate() {
+        let name = read_name(&mut table, &mut names, "instance", index);
+        let location = table.location();
+        let group = table.required("group", "\"NAME\"", |value| groups.find(value));
+        let transform = transform_of(&mut table);
+        table.finish();
+        let (Some(name), Some(group), Some(transform)) = (name, group, transform) else { continue };
+        let value = InstanceDescription { group, transform: in_metres(transform, unit) };
+        instances.push(Named { name, location, value });
+    }
+    instances
+}

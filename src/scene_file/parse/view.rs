@@ -1,0 +1,224 @@
+//! `[camera]`, `[film]` and `[render]`.
+
+use crate::math::unit_f64;
+use crate::photons::{Estimator, Kernel, MapKind, SearchRegion};
+use crate::render::{IntegratorKind, Overrides, Quality};
+use crate::scene_file::description::*;
+use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
+use glam::DVec3;
+
+/// Most pixels along one side of a picture.
+const MAX_SIDE: u64 = 65_536;
+
+/// Most pixels of a picture: at about 60 bytes each of all layers together 16 GB.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// Sine of the smallest angle between the view and `up` that still says which way is up.
+const SMALLEST_UP_ANGLE: f64 = 1e-9;
+
+const FIELD_OF_VIEW: Expected =
+    Expected { what: "an angle between 0 and 180 degrees", example: "40.0", holds: |x| x > 0.0 && x < 180.0 };
+const FILTER_RADIUS: Expected = Expected {
+    what: "a number of pixels above 0, at most 16",
+    example: "1.5",
+    holds: |x| x > 0.0 && x <= 16.0,
+};
+const STOPS: Expected =
+    Expected { what: "a number of stops from -100 to 100", example: "1.0", holds: |x| x.abs() <= 100.0 };
+const CONE_CONSTANT: Expected =
+    Expected { what: "a number from 1 to 1000", example: "1.1", holds: |x| (1.0..=1000.0).contains(&x) };
+
+pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescription> {
+    let context = table.context();
+    let location = table.location();
+    let span = table.span().clone();
+    let eye = table.required("eye", "[0.0, 1.5, 4.0]", |value| value.vector(&NUMBER));
+    let at = table.required("at", "[0.0, 0.5, 0.0]", |value| value.vector(&NUMBER));
+    let up_span = table.get("up").map_or(span.clone(), |value| value.span());
+    let up = table.or("up", DVec3::Y, |value| value.vector(&NUMBER));
+    let fov = table.or("fov", 40.0, |value| value.number(&FIELD_OF_VIEW));
+    let axes = [("vertical", FovAxis::Vertical), ("horizontal", FovAxis::Horizontal)];
+    let fov_axis = table.or("fov-axis", FovAxis::Vertical, |value| value.choice(&axes));
+    table.finish();
+    let (eye, at, up) = (eye?, at?, up?);
+    let Some(forward) = unit_f64(at - eye) else {
+        let remedy = "move `at` to what should be in the middle of the picture";
+        context.error(&span, "the camera's `eye` and `at` are the same point or too far apart", remedy);
+        return None;
+    };
+    match unit_f64(up) {
+        Some(up) if forward.cross(up).length() > SMALLEST_UP_ANGLE => {}
+        _ => {
+            let message = "the camera's `up` is zero or parallel to its view from `eye` to `at`";
+            context.error(&up_span, message, "choose another `up`, for example `up = [0.0, 0.0, 1.0]`");
+            return None;
+        }
+    }
+    Some(CameraDescription { location, eye: eye * unit, at: at * unit, up, fov: fov?, fov_axis: fov_axis? })
+}
+
+/// The film of a scene file that says nothing about it.
+pub(super) fn default_film() -> FilmDescription {
+    FilmDescription { width: 512, height: 512, filter: FilterDescription::Box { radius: 0.5 }, exposure: 0.0 }
+}
+
+pub(super) fn read_film(mut table: Table<'_>) -> Option<FilmDescription> {
+    let default = default_film();
+    let side = |value: Value<'_>| value.integer(1..=MAX_SIDE);
+    let width = table.or("width", u64::from(default.width), side);
+    let height = table.or("height", u64::from(default.height), side);
+    let filter = table.or("filter", default.filter, read_filter);
+    let exposure = table.or("exposure", default.exposure, |value| value.number(&STOPS));
+    let (context, span) = (table.context(), table.span().clone());
+    table.finish();
+    let (width, height) = (width?, height?);
+    if width * height > MAX_PIXELS {
+        let message = format!("a picture of {width} x {height} pixels: at most {MAX_PIXELS} in all");
+        context.error(&span, message, "make `width` or `height` smaller, or render crop windows");
+        return None;
+    }
+    let (width, height) = (u32::try_from(width).ok()?, u32::try_from(height).ok()?);
+    Some(FilmDescription { width, height, filter: filter?, exposure: exposure? })
+}
+
+#[derive(Clone, Copy)]
+enum FilterKind {
+    Box,
+    Tent,
+    Gaussian,
+    Mitchell,
+}
+
+/// A name, or a table of `type`, `radius` and (Gaussian) `sigma`.
+fn read_filter(value: Value<'_>) -> Option<FilterDescription> {
+    let kinds = [
+        ("box", FilterKind::Box),
+        ("tent", FilterKind::Tent),
+        ("gaussian", FilterKind::Gaussian),
+        ("mitchell", FilterKind::Mitchell),
+    ];
+    let of_kind = |kind, radius: Option<f64>, sigma: Option<f64>| match kind {
+        FilterKind::Box => FilterDescription::Box { radius: radius.unwrap_or(0.5) },
+        FilterKind::Tent => FilterDescription::Tent { radius: radius.unwrap_or(1.0) },
+        FilterKind::Gaussian => {
+            FilterDescription::Gaussian { radius: radius.unwrap_or(1.5), sigma: sigma.unwrap_or(0.5) }
+        }
+        FilterKind::Mitchell => FilterDescription::Mitchell { radius: radius.unwrap_or(2.0) },
+    };
+    if !value.is_table() {
+        return value.choice(&kinds).map(|kind| of_kind(kind, None, None));
+    }
+    let mut table = value.table("`filter`", "")?;
+    let kind = table.required("type", "\"gaussian\"", |value| value.choice(&kinds));
+    let radius = table.optional("radius", |value| value.number(&FILTER_RADIUS));
+    let sigma = match kind {
+        Some(FilterKind::Gaussian) => table.optional("sigma", |value| value.number(&FILTER_RADIUS)),
+        _ => Some(None),
+    };
+    table.finish();
+    Some(of_kind(kind?, radius?, sigma?))
+}
+
+/// Names of [`Quality`], as on the command line.
+const QUALITIES: &[(&str, Quality)] = &[
+    ("draft", Quality::Draft),
+    ("preview", Quality::Preview),
+    ("final", Quality::Final),
+    ("reference", Quality::Reference),
+];
+const INTEGRATORS: &[(&str, IntegratorKind)] = &[
+    ("photon-map", IntegratorKind::PhotonMap),
+    ("photons", IntegratorKind::Photons),
+    ("path", IntegratorKind::Path),
+];
+const MAPS: &[(&str, MapKind)] = &[("global", MapKind::Global), ("caustic", MapKind::Caustic)];
+const ESTIMATORS: &[(&str, Estimator)] =
+    &[("as-printed", Estimator::AsPrinted), ("corrected", Estimator::Corrected)];
+const SEARCH_REGIONS: &[(&str, SearchRegion)] =
+    &[("sphere", SearchRegion::Sphere), ("disc", SearchRegion::Disc)];
+
+/// Filter constant of the cone where none is given (Jensen 1996).
+const DEFAULT_CONE: f32 = 1.1;
+const KERNELS: &[(&str, Kernel)] = &[
+    ("constant", Kernel::Constant),
+    ("cone", Kernel::Cone { k: DEFAULT_CONE }),
+    ("epanechnikov", Kernel::Epanechnikov),
+    ("gaussian", Kernel::Gaussian),
+];
+
+/// Settings under the names of the command line's options.
+pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
+    const MANY: u64 = 1 << 24;
+    const PHOTONS: u64 = 1 << 40;
+    let count = |low: u64, high: u64| {
+        move |value: Value<'_>| value.integer(low..=high).and_then(|count| u32::try_from(count).ok())
+    };
+    let photons = |value: Value<'_>| value.integer(0..=PHOTONS);
+    let quality = table.optional("quality", |value| value.choice(QUALITIES));
+    let integrator = table.optional("integrator", |value| value.choice(INTEGRATORS));
+    let map = table.optional("map", |value| value.choice(MAPS));
+    let seed = table.optional("seed", |value| value.integer(0..=u64::MAX));
+    let spp = table.optional("spp", count(1, MANY));
+    let global_photons = table.optional("global-photons", photons);
+    let caustic_photons = table.optional("caustic-photons", photons);
+    let global_nearest = table.optional("global-nearest", count(1, MANY));
+    let caustic_nearest = table.optional("caustic-nearest", count(1, MANY));
+    let kernel = table.optional("kernel", read_kernel);
+    let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
+    let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
+    let gather_samples = table.optional("gather-samples", count(0, MANY));
+    let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
+    let light_samples = table.optional("light-samples", count(0, MANY));
+    let max_depth = table.optional("max-depth", count(0, MANY));
+    table.finish();
+    Some(Overrides {
+        quality: quality?,
+        integrator: integrator?,
+        map: map?,
+        seed: seed?,
+        spp: spp?,
+        global_photons: global_photons?,
+        caustic_photons: caustic_photons?,
+        global_nearest: global_nearest?,
+        caustic_nearest: caustic_nearest?,
+        kernel: kernel?,
+        estimator: estimator?,
+        search: search?,
+        gather_samples: gather_samples?,
+        precomputed_irradiance: precomputed_irradiance?,
+        light_samples: light_samples?,
+        max_depth: max_depth?,
+    })
+}
+
+/// A name, or `{ cone = 1.1 }` with the cone's filter constant.
+fn read_kernel(value: Value<'_>) -> Option<Kernel> {
+    if !value.is_table() {
+        return value.choice(KERNELS);
+    }
+    let mut table = value.table("`kernel`", "")?;
+    let k = table.required("cone", "1.1", |value| value.number(&CONE_CONSTANT));
+    table.finish();
+    k.map(|k| Kernel::Cone { k: k as f32 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde::Serialize;
+
+    /// The names here are those under which settings are written to metadata.
+    #[test]
+    fn names_are_the_serialized_ones() {
+        fn check<T: Serialize>(choices: &[(&str, T)]) {
+            for (name, choice) in choices {
+                assert_eq!(serde_json::to_value(choice).unwrap(), *name);
+            }
+        }
+        check(QUALITIES);
+        check(INTEGRATORS);
+        check(MAPS);
+        check(ESTIMATORS);
+        check(SEARCH_REGIONS);
+    }
+}

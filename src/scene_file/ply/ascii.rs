@@ -1,0 +1,203 @@
+//! Bodies of ascii files: one record a line, blank lines skipped.
+
+use super::Failure;
+use super::error::{PlyPlace, PlyProblem};
+use super::header::{Element, Header, LineEnd, PropertyType, ScalarType};
+use super::layout::{Contents, Role, Roles, Vertices, checked_corner};
+
+/// Longest token that a message repeats, in bytes.
+const SHOWN: usize = 40;
+
+/// Largest integer up to which `f64` has them all.
+const EXACT: f64 = 9_007_199_254_740_992.0;
+
+/// Reads all elements; yields the number of bytes after them, blanks at the end left out.
+pub(super) fn read_body(
+    bytes: &[u8],
+    header: &Header,
+    roles: &Roles,
+    contents: &mut Contents,
+) -> Result<u64, Failure> {
+    let mut lines = Lines { bytes, at: header.length, line: header.lines, line_end: header.line_end };
+    for (element, role) in header.elements.iter().zip(&roles.roles) {
+        // A record without properties has no line.
+        if element.count == 0 || element.properties.is_empty() {
+            continue;
+        }
+        check_length(element, &lines)?;
+        match *role {
+            Role::Vertices(columns) => {
+                contents.vertices = Vertices::with_capacity(&columns, element.count as usize);
+                let vertices = &mut contents.vertices;
+                read_records(element, &mut lines, |record| {
+                    vertices.push(&columns, |column| record.numbers[record.starts[column]]);
+                    Ok(())
+                })?;
+            }
+            Role::Faces(list) => {
+                let mut corners = Vec::new();
+                read_records(element, &mut lines, |record| {
+                    corners.clear();
+                    for &number in record.items(list) {
+                        corners.push(checked_corner(number as i64, roles.vertex_count)?);
+                    }
+                    contents.push_face(&corners);
+                    Ok(())
+                })?;
+            }
+            Role::Skipped => read_records(element, &mut lines, |_| Ok(()))?,
+        }
+    }
+    Ok(bytes[lines.at..].trim_ascii().len() as u64)
+}
+
+/// Bytes that `count` records take at least: a digit and a blank for each number.
+fn shortest(element: &Element, count: u64) -> u128 {
+    u128::from(count) * element.properties.len() as u128 * 2
+}
+
+/// Refuses a number of records that cannot be in the rest of the file, before anything is made of it.
+fn check_length(element: &Element, lines: &Lines<'_>) -> Result<(), Failure> {
+    // The last line may lack its end.
+    let remaining = (lines.bytes.len() - lines.at) as u128 + 1;
+    let missing = shortest(element, element.count).saturating_sub(remaining);
+    if missing == 0 {
+        return Ok(());
+    }
+    Err((PlyPlace::Line(element.line), truncated(element, missing)))
+}
+
+fn truncated(element: &Element, missing: u128) -> PlyProblem {
+    PlyProblem::Truncated {
+        element: element.name.clone(),
+        declared: element.count,
+        missing: u64::try_from(missing).unwrap_or(u64::MAX),
+        exact: false,
+    }
+}
+
+/// The lines of the body.
+struct Lines<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    /// Number of the line that was last read, from 1.
+    line: usize,
+    line_end: LineEnd,
+}
+
+impl<'a> Lines<'a> {
+    /// The next line that is not blank.
+    fn next(&mut self) -> Option<&'a [u8]> {
+        while self.at < self.bytes.len() {
+            let rest = &self.bytes[self.at..];
+            let length = rest.iter().position(|&byte| byte == self.line_end.byte()).unwrap_or(rest.len());
+            self.at = (self.at + length + 1).min(self.bytes.len());
+            self.line += 1;
+            let line = rest[..length].trim_ascii();
+            if !line.is_empty() {
+                return Some(line);
+            }
+        }
+        None
+    }
+}
+
+/// The numbers of one line.
+#[derive(Default)]
+struct Record {
+    /// All of them, lengths of lists included.
+    numbers: Vec<f64>,
+    /// For each property, where its number or the length of its list is among them.
+    starts: Vec<usize>,
+}
+
+impl Record {
+    /// The items of a list.
+    fn items(&self, property: usize) -> &[f64] {
+        let start = self.starts[property];
+        let end = self.starts.get(property + 1).copied().unwrap_or(self.numbers.len());
+        &self.numbers[start + 1..end]
+    }
+
+    fn read(&mut self, element: &Element, line: &[u8]) -> Result<(), PlyProblem> {
+        self.numbers.clear();
+        self.starts.clear();
+        let mut tokens = line.split(u8::is_ascii_whitespace).filter(|token| !token.is_empty());
+        for property in &element.properties {
+            self.starts.push(self.numbers.len());
+            let expected = self.numbers.len() as u64 + 1;
+            let mut number = |scalar, expected| {
+                tokens
+                    .next()
+                    .ok_or(PlyProblem::ShortLine(expected))
+                    .and_then(|token| parse_number(token, scalar))
+            };
+            match property.kind {
+                PropertyType::Scalar(scalar) => self.numbers.push(number(scalar, expected)?),
+                PropertyType::List(count, item) => {
+                    let length = number(count, expected)?;
+                    if length < 0.0 {
+                        return Err(PlyProblem::NegativeLength(length as i64));
+                    }
+                    self.numbers.push(length);
+                    // Stops at the end of the line, however long the list claims to be.
+                    for _ in 0..length as u64 {
+                        self.numbers.push(number(item, expected + length as u64)?);
+                    }
+                }
+            }
+        }
+        match tokens.next() {
+            None => Ok(()),
+            Some(_) => Err(PlyProblem::LongLine(self.numbers.len() as u64)),
+        }
+    }
+}
+
+/// Reads the lines of an element.
+fn read_records(
+    element: &Element,
+    lines: &mut Lines<'_>,
+    mut visit: impl FnMut(&Record) -> Result<(), PlyProblem>,
+) -> Result<(), Failure> {
+    let mut record = Record::default();
+    for index in 0..element.count {
+        let line = lines.next();
+        let result = match line {
+            Some(line) => record.read(element, line).and_then(|()| visit(&record)),
+            None => Err(truncated(element, shortest(element, element.count - index).saturating_sub(1))),
+        };
+        if let Err(problem) = result {
+            let place = PlyPlace::RecordLine { element: element.name.clone(), index, line: lines.line };
+            return Err((place, problem));
+        }
+    }
+    Ok(())
+}
+
+/// A number as its type rounds it. What C libraries print for NaN and infinity is understood.
+fn parse_number(token: &[u8], scalar: ScalarType) -> Result<f64, PlyProblem> {
+    let text = std::str::from_utf8(token).unwrap_or("");
+    let number = match scalar {
+        // Parsed as `f32`: by way of `f64` it would be rounded twice.
+        ScalarType::F32 => text.parse::<f32>().ok().map(f64::from),
+        _ => text.parse::<f64>().ok(),
+    };
+    let expected = if scalar.is_integer() { "an integer" } else { "a number" };
+    match number {
+        Some(number) if !scalar.is_integer() || (number.fract() == 0.0 && number.abs() <= EXACT) => {
+            Ok(number)
+        }
+        None if !scalar.is_integer() && is_not_a_number(text) => Ok(f64::NAN),
+        _ => {
+            let token = String::from_utf8_lossy(&token[..token.len().min(SHOWN)]).into_owned();
+            Err(PlyProblem::BadNumber { token, expected })
+        }
+    }
+}
+
+/// `-nan(ind)`, `nan(0x8)`, `1.#QNAN`, `-1.#IND`.
+fn is_not_a_number(text: &str) -> bool {
+    let unsigned = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
+    unsigned.starts_with("nan(") || unsigned.starts_with("1.#")
+}

@@ -1,0 +1,316 @@
+//! Bodies of binary files.
+//!
+//! Vertices almost always have records of one length, and so do faces where all are triangles: then records are
+//! read in parallel, each at its own place. Everything else is walked record by record.
+
+use super::Failure;
+use super::error::{PlyPlace, PlyProblem};
+use super::header::{ByteOrder, Element, Header, PropertyType, ScalarType};
+use super::layout::{Contents, Role, Roles, VertexColumns, Vertices, checked_corner};
+use crate::scene_file::mesh::Positions;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+/// Reads all elements; yields the number of bytes after them.
+pub(super) fn read_body(
+    bytes: &[u8],
+    header: &Header,
+    order: ByteOrder,
+    roles: &Roles,
+    contents: &mut Contents,
+) -> Result<u64, Failure> {
+    let mut at = header.length;
+    for (element, role) in header.elements.iter().zip(&roles.roles) {
+        let records = Records { bytes, start: at, element, order };
+        records.check_length()?;
+        at = match *role {
+            _ if element.count == 0 => at,
+            Role::Vertices(columns) => records.read_vertices(&columns, &mut contents.vertices)?,
+            Role::Faces(list) => records.read_faces(list, roles.vertex_count, contents)?,
+            Role::Skipped => records.walk(|_, _, _| Ok(()))?,
+        };
+    }
+    Ok((bytes.len() - at) as u64)
+}
+
+/// The first `N` bytes.
+fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
+    let mut array = [0; N];
+    array.copy_from_slice(&bytes[..N]);
+    array
+}
+
+/// The number at the start of `bytes`; every type is exact in `f64`.
+fn read_number(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> f64 {
+    match (scalar, order) {
+        (ScalarType::F32, ByteOrder::Little) => f64::from(f32::from_le_bytes(first(bytes))),
+        (ScalarType::F32, ByteOrder::Big) => f64::from(f32::from_be_bytes(first(bytes))),
+        (ScalarType::F64, ByteOrder::Little) => f64::from_le_bytes(first(bytes)),
+        (ScalarType::F64, ByteOrder::Big) => f64::from_be_bytes(first(bytes)),
+        _ => read_integer(bytes, scalar, order) as f64,
+    }
+}
+
+/// The integer at the start of `bytes`; 0 for types that are not integers, which headers do not allow there.
+fn read_integer(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> i64 {
+    match (scalar, order) {
+        (ScalarType::U8, _) => i64::from(bytes[0]),
+        (ScalarType::I8, _) => i64::from(i8::from_le_bytes(first(bytes))),
+        (ScalarType::U16, ByteOrder::Little) => i64::from(u16::from_le_bytes(first(bytes))),
+        (ScalarType::U16, ByteOrder::Big) => i64::from(u16::from_be_bytes(first(bytes))),
+        (ScalarType::I16, ByteOrder::Little) => i64::from(i16::from_le_bytes(first(bytes))),
+        (ScalarType::I16, ByteOrder::Big) => i64::from(i16::from_be_bytes(first(bytes))),
+        (ScalarType::U32, ByteOrder::Little) => i64::from(u32::from_le_bytes(first(bytes))),
+        (ScalarType::U32, ByteOrder::Big) => i64::from(u32::from_be_bytes(first(bytes))),
+        (ScalarType::I32, ByteOrder::Little) => i64::from(i32::from_le_bytes(first(bytes))),
+        (ScalarType::I32, ByteOrder::Big) => i64::from(i32::from_be_bytes(first(bytes))),
+        (ScalarType::F32 | ScalarType::F64, _) => 0,
+    }
+}
+
+/// The records of one element.
+#[derive(Clone, Copy)]
+struct Records<'a> {
+    /// The whole file.
+    bytes: &'a [u8],
+    /// Offset of the first record.
+    start: usize,
+    element: &'a Element,
+    order: ByteOrder,
+}
+
+/// A face element whose records all have the length of the first.
+#[derive(Clone, Copy)]
+struct FixedFaces {
+    /// Bytes before the list, and of a whole record.
+    before: usize,
+    stride: usize,
+    corners: usize,
+    count: ScalarType,
+    item: ScalarType,
+}
+
+impl<'a> Records<'a> {
+    fn remaining(&self, at: usize) -> u64 {
+        self.bytes.len().saturating_sub(at) as u64
+    }
+
+    fn fail<T>(&self, index: u64, byte: usize, problem: PlyProblem) -> Result<T, Failure> {
+        let element = self.element.name.clone();
+        Err((PlyPlace::RecordByte { element, index, byte: byte as u64 }, problem))
+    }
+
+    /// Refuses a number of records that cannot be in the rest of the file, before anything is made of it.
+    fn check_length(&self) -> Result<(), Failure> {
+        let shortest = self.element.shortest_record() as u64;
+        let remaining = self.remaining(self.start);
+        let missing = u128::from(self.element.count) * u128::from(shortest);
+        let missing = missing.saturating_sub(u128::from(remaining));
+        if missing == 0 {
+            return Ok(());
+        }
+        let index = remaining / shortest;
+        let problem = PlyProblem::Truncated {
+            element: self.element.name.clone(),
+            declared: self.element.count,
+            missing: u64::try_from(missing).unwrap_or(u64::MAX),
+            exact: !self.element.has_lists(),
+        };
+        self.fail(index, self.start + (index * shortest) as usize, problem)
+    }
+
+    /// The bytes of all records, where each takes `stride` of them and the file has them all.
+    fn fixed(&self, stride: usize) -> Option<&'a [u8]> {
+        let length = usize::try_from(self.element.count).ok()?.checked_mul(stride)?;
+        self.bytes.get(self.start..self.start.checked_add(length)?)
+    }
+
+    /// Goes through the records one by one. `visit` gets the number of a record, its first byte and, for each
+    /// property, where its data begins. Yields the offset after the last.
+    fn walk(
+        &self,
+        mut visit: impl FnMut(u64, usize, &[usize]) -> Result<(), Failure>,
+    ) -> Result<usize, Failure> {
+        let properties = &self.element.properties;
+        if !self.element.has_lists() {
+            let stride = self.element.shortest_record();
+            // Its length has been checked; nothing in it is of interest unless it has lists.
+            return Ok(self.start + self.fixed(stride).map_or(0, <[u8]>::len));
+        }
+        let mut at = self.start;
+        let mut offsets = vec![0; properties.len()];
+        for index in 0..self.element.count {
+            let record = at;
+            for (offset, property) in offsets.iter_mut().zip(properties) {
+                let size = match property.kind {
+                    PropertyType::Scalar(scalar) => scalar.size() as u64,
+                    PropertyType::List(count, item) => {
+                        let head = self.bytes.get(at..at + count.size());
+                        let length = head.map_or(0, |head| read_integer(head, count, self.order));
+                        let Ok(length) = u64::try_from(length) else {
+                            return self.fail(index, record, PlyProblem::NegativeLength(length));
+                        };
+                        count.size() as u64 + length * item.size() as u64
+                    }
+                };
+                let remaining = self.remaining(at);
+                if size > remaining {
+                    return self.fail(index, record, self.truncated(index, size - remaining));
+                }
+                *offset = at;
+                at += size as usize;
+            }
+            visit(index, record, &offsets)?;
+        }
+        Ok(at)
+    }
+
+    /// The file ends `missing` bytes before the end of the current property of record `index`.
+    fn truncated(&self, index: u64, missing: u64) -> PlyProblem {
+        let later = (self.element.count - index - 1).saturating_mul(self.element.shortest_record() as u64);
+        PlyProblem::Truncated {
+            element: self.element.name.clone(),
+            declared: self.element.count,
+            missing: missing.saturating_add(later),
+            exact: false,
+        }
+    }
+
+    fn read_vertices(&self, columns: &VertexColumns, vertices: &mut Vertices) -> Result<usize, Failure> {
+        let types: Vec<_> = self.element.properties.iter().map(|property| property.kind).collect();
+        let number = |bytes: &[u8], column: usize| match types[column] {
+            PropertyType::Scalar(scalar) => read_number(bytes, scalar, self.order),
+            PropertyType::List(..) => f64::NAN,
+        };
+        if self.element.has_lists() {
+            *vertices = Vertices::with_capacity(columns, self.element.count as usize);
+            return self.walk(|_, _, offsets| {
+                vertices.push(columns, |column| number(&self.bytes[offsets[column]..], column));
+                Ok(())
+            });
+        }
+        let sizes = types.iter().map(|kind| match kind {
+            PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => scalar.size(),
+        });
+        let offsets: Vec<usize> = sizes
+            .scan(0, |end, size| {
+                *end += size;
+                Some(*end - size)
+            })
+            .collect();
+        let stride = self.element.shortest_record();
+        let Some(bytes) = self.fixed(stride) else { return Ok(self.start) };
+        let records = || bytes.par_chunks_exact(stride);
+        let value = |record: &[u8], column: usize| number(&record[offsets[column]..], column);
+        let single = |record: &[u8], column: usize| value(record, column) as f32;
+        vertices.positions = if columns.is_double {
+            let position = |record: &[u8]| columns.position.map(|column| value(record, column));
+            Positions::Double(records().map(position).collect())
+        } else {
+            let position = |record: &[u8]| columns.position.map(|column| single(record, column));
+            Positions::Single(records().map(position).collect())
+        };
+        vertices.normals = columns.normal.map(|normal| {
+            records().map(|record| Vec3::from_array(normal.map(|column| single(record, column)))).collect()
+        });
+        vertices.uvs = columns.uv.map(|uv| {
+            records().map(|record| Vec2::from_array(uv.map(|column| single(record, column)))).collect()
+        });
+        Ok(self.start + bytes.len())
+    }
+
+    fn read_faces(&self, list: usize, vertex_count: u64, contents: &mut Contents) -> Result<usize, Failure> {
+        if let Some(faces) = self.fixed_faces(list)
+            && let Some(end) = self.read_fixed_faces(faces, vertex_count, contents)?
+        {
+            return Ok(end);
+        }
+        let PropertyType::List(count, item) = self.element.properties[list].kind else {
+            return Ok(self.start);
+        };
+        let mut corners = Vec::new();
+        self.walk(|index, record, offsets| {
+            let data = &self.bytes[offsets[list]..];
+            let length = read_integer(data, count, self.order) as usize;
+            corners.clear();
+            // `walk` has found the whole list in the file.
+            for bytes in data[count.size()..].chunks_exact(item.size()).take(length) {
+                match checked_corner(read_integer(bytes, item, self.order), vertex_count) {
+                    Ok(corner) => corners.push(corner),
+                    Err(problem) => return self.fail(index, record, problem),
+                }
+            }
+            contents.push_face(&corners);
+            Ok(())
+        })
+    }
+
+    /// The layout of the faces if all of them are like the first.
+    fn fixed_faces(&self, list: usize) -> Option<FixedFaces> {
+        let mut before = 0;
+        let mut after = 0;
+        for (column, property) in self.element.properties.iter().enumerate() {
+            match property.kind {
+                PropertyType::Scalar(scalar) if column < list => before += scalar.size(),
+                PropertyType::Scalar(scalar) => after += scalar.size(),
+                PropertyType::List(..) if column == list => {}
+                PropertyType::List(..) => return None,
+            }
+        }
+        let PropertyType::List(count, item) = self.element.properties.get(list)?.kind else { return None };
+        let head = self.bytes.get(self.start + before..self.start + before + count.size())?;
+        // Few corners, so that the records cannot be longer than the file by much; others are walked.
+        let corners = usize::try_from(read_integer(head, count, self.order)).ok()?;
+        if !(3..=255).contains(&corners) {
+            return None;
+        }
+        let stride = before + count.size() + corners * item.size() + after;
+        Some(FixedFaces { before, stride, corners, count, item })
+    }
+
+    /// Reads faces that are expected to be alike; `None` where they turn out not to be, with nothing read.
+    fn read_fixed_faces(
+        &self,
+        faces: FixedFaces,
+        vertex_count: u64,
+        contents: &mut Contents,
+    ) -> Result<Option<usize>, Failure> {
+        let Some(bytes) = self.fixed(faces.stride) else { return Ok(None) };
+        let FixedFaces { before, stride, corners, count, item } = faces;
+        let length = |record: &[u8]| read_integer(&record[before..], count, self.order);
+        let corner = |record: &[u8], number: usize| {
+            let offset = before + count.size() + number * item.size();
+            read_integer(&record[offset..], item, self.order)
+        };
+        let is_sound = |record: &[u8]| {
+            length(record) == corners as i64
+                && (0..corners).all(|number| (0..vertex_count as i64).contains(&corner(record, number)))
+        };
+        // Record by record: if all before it have the expected length, the first odd one is where it seems.
+        if let Some(index) = bytes.par_chunks_exact(stride).position_first(|record| !is_sound(record)) {
+            let record = &bytes[index * stride..(index + 1) * stride];
+            if length(record) != corners as i64 {
+                return Ok(None);
+            }
+            let wrong =
+                (0..corners).find_map(|number| checked_corner(corner(record, number), vertex_count).err());
+            return match wrong {
+                Some(problem) => self.fail(index as u64, self.start + index * stride, problem),
+                None => Ok(None),
+            };
+        }
+        let at = |record: &[u8], number: usize| corner(record, number) as u32;
+        if corners == 3 {
+            let triangle = |record: &[u8]| [0, 1, 2].map(|number| at(record, number));
+            contents.triangles = bytes.par_chunks_exact(stride).map(triangle).collect();
+        } else {
+            contents.triangles.reserve_exact(bytes.len() / stride * (corners - 2));
+            let mut polygon = vec![0; corners];
+            for record in bytes.chunks_exact(stride) {
+                polygon.iter_mut().enumerate().for_each(|(number, corner)| *corner = at(record, number));
+                contents.push_face(&polygon);
+            }
+        }
+        Ok(Some(self.start + bytes.len()))
+    }
+}
