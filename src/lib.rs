@@ -10,6 +10,7 @@ pub mod embree;
 pub mod film;
 pub mod integrators;
 pub mod lights;
+pub mod image_io;
 pub mod math;
 pub mod measure;
 pub mod media;
