@@ -151,6 +151,11 @@ impl Reference {
         Picture { width: self.width, height: self.height, values: &self.mean }
     }
 
+    /// True where `test` is one of the halves: then its `relmse_u` is zero and says nothing.
+    pub fn is_half(&self, test: Picture<'_>) -> bool {
+        self.halves.iter().flatten().any(|half| half == test.values)
+    }
+
     /// All error figures of `test`.
     pub fn compare(&self, test: Picture<'_>) -> Result<ErrorFigures, MeasureError> {
         self.check_size(test)?;
