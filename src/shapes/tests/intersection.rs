@@ -240,6 +240,21 @@ fn roots_against_twice_the_precision() {
 }
 
 #[test]
+fn a_small_root_keeps_its_digits() {
+    // A micrometre above a ground of radius 1000 km: both roots come from numbers near 1e6, whose last digit is 1e-10.
+    let (radius, height) = (1e6, 2f64.powi(-20));
+    let offset = DVec3::new(0.0, 0.0, radius + height);
+    for direction in [DVec3::new(0.0, 0.0, -3.0), DVec3::new(0.42, 0.1, -0.56), DVec3::new(-0.3, 7.0, -0.3)] {
+        let [t, _] = sphere_roots(offset, direction, radius).unwrap();
+        let p = Vector::from(offset).along(t, Vector::from(direction));
+        let edge = Vector::from(DVec3::X * radius);
+        let slope = 2.0 * p.dot(Vector::from(direction)).to_f64();
+        let error = (p.dot(p) - edge.dot(edge)).to_f64() / slope / t;
+        assert!(error.abs() < 1e-12, "{direction}: relative error {error}");
+    }
+}
+
+#[test]
 fn known_hits() {
     let all = |shape: &dyn Procedural, origin: [f32; 3], direction: [f32; 3]| {
         let mut hits = Vec::new();
