@@ -6,7 +6,8 @@ use glam::DVec3;
 ///
 /// In the form of Haines, Günther & Akenine-Möller, "Precision Improvements for Ray/Sphere Intersection" (Ray
 /// Tracing Gems, 2019): the discriminant from the closest point of the line, which keeps a small sphere far
-/// away, and the smaller root as a quotient, which keeps a large sphere close by.
+/// away; and the smaller root as a quotient, which for an origin close to a large sphere is as exact as the
+/// origin's distance from the surface.
 pub(super) fn sphere_roots(offset: DVec3, direction: DVec3, radius: f64) -> Option<[f64; 2]> {
     let a = direction.length_squared();
     let b = -offset.dot(direction);
