@@ -12,6 +12,8 @@ use std::cmp::Ordering;
 pub(super) trait Point: Copy + Send + Sync {
     /// Where it is; finite.
     fn position(&self) -> Vec3;
+    /// Two bytes that searches decide by.
+    fn tag(&self) -> u16;
     /// All that tells two points at one place apart, so that a tree is a function of the set of its points.
     fn tie(&self) -> u64;
 }
@@ -24,12 +26,13 @@ struct Node {
     axis: u32,
 }
 
-/// `L` points, coordinate by coordinate; places beyond the last point hold NaN, which no search accepts.
+/// `L` points, coordinate by coordinate, with the tags at hand, as candidates need them at once; places beyond the last point hold NaN, which no search accepts.
 #[derive(Clone, Copy, Debug)]
 struct Block<const L: usize> {
     x: [f32; L],
     y: [f32; L],
     z: [f32; L],
+    tags: [u16; L],
 }
 
 /// Slices shorter than this are split by one thread.
@@ -61,8 +64,8 @@ struct Pending {
 pub(super) trait Visitor<const L: usize> {
     /// Squared distance beyond which nothing is wanted any more.
     fn bound(&self) -> f32;
-    /// Takes the squared distances of the points `first..first + L`, NaN where there is none.
-    fn visit(&mut self, first: u32, distances_squared: &[f32; L]);
+    /// Takes the squared distances of the points `first..first + L`, NaN where there is none, and their tags.
+    fn visit(&mut self, first: u32, distances_squared: &[f32; L], tags: &[u16; L]);
 }
 
 /// The measure of distance from a query point.
@@ -138,6 +141,11 @@ impl<const L: usize> KdTree<L> {
         Vec3::new(block.x[lane], block.y[lane], block.z[lane])
     }
 
+    /// Tag of point `index` in the tree's order.
+    pub(super) fn tag(&self, index: usize) -> u16 {
+        self.blocks[index / L].tags[index % L]
+    }
+
     /// Bytes on the heap.
     pub(super) fn memory_bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<Block<L>>()
@@ -181,8 +189,8 @@ impl<const L: usize> KdTree<L> {
                     height += 1;
                 }
             }
-            let distances_squared = metric.distances_squared(&self.blocks[here.first as usize]);
-            visitor.visit(here.first * L as u32, &distances_squared);
+            let block = &self.blocks[here.first as usize];
+            visitor.visit(here.first * L as u32, &metric.distances_squared(block), &block.tags);
             loop {
                 if height == 0 {
                     return;
@@ -273,10 +281,11 @@ fn everything<P: Point>(a: &P, b: &P) -> Ordering {
 }
 
 fn block_of<P: Point, const L: usize>(points: &[P]) -> Block<L> {
-    let mut block = Block { x: [f32::NAN; L], y: [f32::NAN; L], z: [f32::NAN; L] };
+    let mut block = Block { x: [f32::NAN; L], y: [f32::NAN; L], z: [f32::NAN; L], tags: [0; L] };
     for (lane, point) in points.iter().enumerate() {
         let p = point.position();
         (block.x[lane], block.y[lane], block.z[lane]) = (p.x, p.y, p.z);
+        block.tags[lane] = point.tag();
     }
     block
 }

@@ -1,6 +1,6 @@
 use super::SearchRegion;
 use super::kd_tree::{KdTree, Metric, Point, Visitor};
-use super::photon::{Acceptance, Payload, Photon, PhotonClasses};
+use super::photon::{Acceptance, Payload, Photon, PhotonClass, PhotonClasses};
 use crate::math::Rgb;
 use glam::Vec3;
 
@@ -147,6 +147,11 @@ impl Point for Photon {
     }
 
     #[inline]
+    fn tag(&self) -> u16 {
+        self.flags()
+    }
+
+    #[inline]
     fn tie(&self) -> u64 {
         self.payload_bits()
     }
@@ -205,7 +210,7 @@ impl PhotonMap {
 
     /// Photon `index`, in the map's own order.
     pub fn photon(&self, index: usize) -> Photon {
-        Photon::from_parts(self.tree.position(index), self.payloads[index])
+        Photon::from_parts(self.tree.position(index), self.tree.tag(index), self.payloads[index])
     }
 
     /// All photons, in the map's own order.
@@ -221,8 +226,8 @@ impl PhotonMap {
     /// Sum of the flux of all photons that carry light, divided by the count of emitted ones: watts for each channel.
     pub fn total_flux(&self) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        for payload in self.payloads.iter().filter(|p| p.carries_light()) {
-            let power = payload.power.decode().as_dvec3();
+        for photon in self.photons().filter(|photon| photon.class() != PhotonClass::Shadow) {
+            let power = photon.power().as_dvec3();
             (0..3).for_each(|channel| sum[channel] += power[channel]);
         }
         sum.map(|channel| channel * self.per_emitted())
@@ -238,7 +243,7 @@ impl PhotonMap {
     }
 
     pub(super) fn power(&self, index: usize) -> Rgb {
-        self.payloads[index].power.decode()
+        self.payloads[index].power()
     }
 
     /// Radius below which distances are rounding noise: eight times the spacing of `f32` at the largest coordinate
@@ -261,7 +266,6 @@ impl PhotonMap {
             k: query.k.min(self.len()).max(1),
             bound: if query.max_radius >= 0.0 { query.max_radius * query.max_radius } else { -1.0 },
             accept,
-            payloads: &self.payloads,
         };
         if query.k > 0 {
             self.tree.search(&query.metric(), &mut collector);
@@ -273,8 +277,8 @@ impl PhotonMap {
     /// The nearest photon that `query` accepts and `accept` too, and its squared distance. [`Query::k`] is ignored.
     pub fn nearest_one(&self, query: &Query, accept: impl Fn(&Photon) -> bool) -> Option<(usize, f32)> {
         let acceptance = Acceptance::new(query.normal, query.min_normal_cos, query.classes);
-        let mut visitor = NearestOne::new(query.max_radius, |index: usize| {
-            acceptance.accepts(self.payloads[index].flags) && accept(&self.photon(index))
+        let mut visitor = NearestOne::new(query.max_radius, |index: usize, flags| {
+            acceptance.accepts(flags) && accept(&self.photon(index))
         });
         self.tree.search(&query.metric(), &mut visitor);
         visitor.best().map(|key| (index_of(key), distance_squared_of(key)))
@@ -289,7 +293,6 @@ struct Collector<'a> {
     k: usize,
     bound: f32,
     accept: Acceptance,
-    payloads: &'a [Payload],
 }
 
 impl Collector<'_> {
@@ -318,7 +321,7 @@ impl Visitor<LEAF> for Collector<'_> {
     }
 
     #[inline]
-    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF]) {
+    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], tags: &[u16; LEAF]) {
         if self.keys.len() < self.len + LEAF {
             self.keys.resize(2 * (self.len + LEAF), 0);
         }
@@ -333,7 +336,7 @@ impl Visitor<LEAF> for Collector<'_> {
         for i in 0..near {
             let key = out[i];
             out[accepted] = key;
-            accepted += usize::from(self.accept.accepts(self.payloads[index_of(key)].flags));
+            accepted += usize::from(self.accept.accepts(tags[index_of(key) % LEAF]));
         }
         self.len += accepted;
         if self.len >= 2 * self.k + LEAF {
@@ -365,18 +368,18 @@ impl<F> NearestOne<F> {
     }
 }
 
-impl<const L: usize, F: Fn(usize) -> bool> Visitor<L> for NearestOne<F> {
+impl<const L: usize, F: Fn(usize, u16) -> bool> Visitor<L> for NearestOne<F> {
     #[inline]
     fn bound(&self) -> f32 {
         self.bound
     }
 
     #[inline]
-    fn visit(&mut self, first: u32, distances_squared: &[f32; L]) {
+    fn visit(&mut self, first: u32, distances_squared: &[f32; L], tags: &[u16; L]) {
         for (lane, &distance_squared) in distances_squared.iter().enumerate() {
             if distance_squared <= self.bound {
                 let key = key_of(first + lane as u32, distance_squared);
-                if key < self.best && (self.accept)(index_of(key)) {
+                if key < self.best && (self.accept)(index_of(key), tags[lane]) {
                     self.best = key;
                     self.bound = distance_squared;
                 }
@@ -388,7 +391,6 @@ impl<const L: usize, F: Fn(usize) -> bool> Visitor<L> for NearestOne<F> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::photons::PhotonClass;
     use crate::sampling::{Rng, Stream, warp};
     use proptest::prelude::*;
 

@@ -109,13 +109,19 @@ impl Photon {
         decode_class(self.flags)
     }
 
-    /// The bytes that a map stores apart from the position, and [`Self::from_parts`] takes.
+    /// The bytes that a map stores apart from the position and the flags.
     pub(super) fn payload(&self) -> Payload {
-        Payload { power: self.power, wi: self.wi, flags: self.flags }
+        Payload { power: self.power, wi: self.wi }
     }
 
-    pub(super) fn from_parts(position: Vec3, payload: Payload) -> Self {
-        Self { position, power: payload.power, wi: payload.wi, flags: payload.flags }
+    /// Normal and class.
+    #[inline]
+    pub(super) fn flags(&self) -> u16 {
+        self.flags
+    }
+
+    pub(super) fn from_parts(position: Vec3, flags: u16, payload: Payload) -> Self {
+        Self { position, power: payload.power, wi: payload.wi, flags }
     }
 
     /// All bits but the position's, as a number: orders photons at the same place.
@@ -126,20 +132,19 @@ impl Photon {
     }
 }
 
-/// A [`Photon`] without its position.
+/// What the sums of an estimate need of a [`Photon`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub(super) struct Payload {
-    pub(super) power: Rgbe,
-    pub(super) wi: u16,
-    pub(super) flags: u16,
+    power: Rgbe,
+    wi: u16,
 }
 
 impl Payload {
-    /// Whether this is anything but a shadow photon.
+    /// Unnormalised flux.
     #[inline]
-    pub(super) fn carries_light(&self) -> bool {
-        decode_class(self.flags) != PhotonClass::Shadow
+    pub(super) fn power(&self) -> Rgb {
+        self.power.decode()
     }
 
     /// Unit direction back to where the photon came from.
@@ -230,7 +235,7 @@ mod tests {
             assert!((photon.wi() - wi).length() < 4.3 / 254.0);
             let side = if wi.dot(normal) < 0.0 { -normal } else { normal };
             assert!((photon.normal() - side).length() < NORMAL_ERROR);
-            assert_eq!(Photon::from_parts(photon.position, photon.payload()), photon);
+            assert_eq!(Photon::from_parts(photon.position, photon.flags(), photon.payload()), photon);
         }
     }
 
