@@ -14,6 +14,8 @@ mod binary;
 mod error;
 mod header;
 mod layout;
+#[cfg(test)]
+mod tests;
 
 pub use error::{PlyError, PlyPlace, PlyProblem};
 
