@@ -4,9 +4,19 @@
 //! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
+pub mod bsdf;
+pub mod camera;
 pub mod embree;
+pub mod film;
+pub mod image_io;
+pub mod integrators;
+pub mod lights;
 pub mod math;
+pub mod measure;
+pub mod media;
 pub mod photons;
 pub mod render;
 pub mod sampling;
+pub mod scene;
 pub mod scene_file;
+pub mod shapes;

@@ -1,5 +1,18 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
 
+mod emission;
+mod estimate;
+mod irradiance;
+mod kd_tree;
 mod kernel;
+mod map;
+mod photon;
+mod trace;
 
-pub use kernel::{Estimator, Kernel, MapKind, SearchRegion};
+pub use estimate::{Estimate, EstimateParams};
+pub use irradiance::IrradianceMap;
+pub use kernel::{Estimator, Kernel, SearchRegion};
+pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
+pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
+pub use emission::{Aim, EmittedPhoton, emit};
+pub use trace::{PhotonTally, TraceSettings, TracedPhotons, trace_photons};

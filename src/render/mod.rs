@@ -1,5 +1,13 @@
 //! Jobs: settings, passes, tiles, progress, statistics.
 
+mod job;
+mod maps;
+mod observer;
 mod settings;
+mod stats;
 
+pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
+pub use maps::{MapReport, PassOne, build_maps};
+pub use observer::{Observer, Silent};
 pub use settings::*;
+pub use stats::{MapStatistics, PhotonStatistics, Statistics, Times};

@@ -1,19 +1,8 @@
 //! What a user may choose, and what the presets choose.
 
-use crate::photons::{Estimator, Kernel, MapKind, SearchRegion};
+use crate::photons::{Estimator, Kernel, SearchRegion};
+pub use crate::scene::{IntegratorKind, MapKind};
 use serde::Serialize;
-
-/// How a picture is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum IntegratorKind {
-    /// Two passes: photon maps, then distribution ray tracing with final gathering (Jensen 1996).
-    PhotonMap,
-    /// One map shown directly at the first diffuse surface.
-    Photons,
-    /// Unbiased path tracing, the reference.
-    Path,
-}
 
 /// Presets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -87,6 +76,99 @@ impl Overrides {
             precomputed_irradiance: self.precomputed_irradiance.or(below.precomputed_irradiance),
             light_samples: self.light_samples.or(below.light_samples),
             max_depth: self.max_depth.or(below.max_depth),
+        }
+    }
+}
+
+/// Everything decided.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub struct Settings {
+    /// Preset that the rest started from.
+    pub quality: Quality,
+    /// Integrator.
+    pub integrator: IntegratorKind,
+    /// Map shown by [`IntegratorKind::Photons`].
+    pub map: MapKind,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Camera samples per pixel.
+    pub spp: u32,
+    /// Photons to store in the global map.
+    pub global_photons: u64,
+    /// Photons to store in the caustic map.
+    pub caustic_photons: u64,
+    /// Photons in an estimate from the global map.
+    pub global_nearest: u32,
+    /// Photons in an estimate from the caustic map.
+    pub caustic_nearest: u32,
+    /// Kernel of caustic estimates.
+    pub kernel: Kernel,
+    /// Bias of the estimates.
+    pub estimator: Estimator,
+    /// Search region.
+    pub search: SearchRegion,
+    /// Final gather rays per camera sample.
+    pub gather_samples: u32,
+    /// Whether gather rays read irradiance precomputed at the photons.
+    pub precomputed_irradiance: bool,
+    /// Shadow rays per light and camera sample.
+    pub light_samples: u32,
+    /// Longest path, in surfaces.
+    pub max_depth: u32,
+}
+
+impl Quality {
+    /// The settings of this preset.
+    pub fn settings(self) -> Settings {
+        let (spp, gather_samples, global_photons, caustic_photons, caustic_nearest) = match self {
+            Self::Draft => (4, 4, 50_000, 100_000, 50),
+            Self::Preview => (16, 8, 200_000, 500_000, 60),
+            Self::Final => (64, 8, 500_000, 5_000_000, 80),
+            Self::Reference => (1024, 8, 4_000_000, 20_000_000, 100),
+        };
+        Settings {
+            quality: self,
+            integrator: IntegratorKind::PhotonMap,
+            map: MapKind::Global,
+            seed: 0,
+            spp,
+            global_photons,
+            caustic_photons,
+            global_nearest: 80,
+            caustic_nearest,
+            kernel: Kernel::Cone { k: 1.0 },
+            estimator: Estimator::Corrected,
+            search: SearchRegion::Disc,
+            gather_samples,
+            precomputed_irradiance: true,
+            light_samples: 1,
+            // Reached with probability 1e-4 where everything reflects 99.9 %.
+            max_depth: 10_000,
+        }
+    }
+}
+
+impl From<&Overrides> for Settings {
+    fn from(asked: &Overrides) -> Self {
+        let preset = asked.quality.unwrap_or(Quality::Preview).settings();
+        Self {
+            quality: preset.quality,
+            integrator: asked.integrator.unwrap_or(preset.integrator),
+            map: asked.map.unwrap_or(preset.map),
+            seed: asked.seed.unwrap_or(preset.seed),
+            spp: asked.spp.unwrap_or(preset.spp),
+            global_photons: asked.global_photons.unwrap_or(preset.global_photons),
+            caustic_photons: asked.caustic_photons.unwrap_or(preset.caustic_photons),
+            global_nearest: asked.global_nearest.unwrap_or(preset.global_nearest),
+            caustic_nearest: asked.caustic_nearest.unwrap_or(preset.caustic_nearest),
+            kernel: asked.kernel.unwrap_or(preset.kernel),
+            estimator: asked.estimator.unwrap_or(preset.estimator),
+            search: asked.search.unwrap_or(preset.search),
+            gather_samples: asked.gather_samples.unwrap_or(preset.gather_samples),
+            precomputed_irradiance: asked.precomputed_irradiance.unwrap_or(preset.precomputed_irradiance),
+            light_samples: asked.light_samples.unwrap_or(preset.light_samples),
+            max_depth: asked.max_depth.unwrap_or(preset.max_depth),
         }
     }
 }

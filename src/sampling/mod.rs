@@ -5,11 +5,13 @@
 
 mod distribution;
 mod rng;
+mod samples;
 mod sobol;
 pub mod warp;
 
 pub use distribution::Distribution1D;
 pub use rng::{Rng, Stream, mix};
+pub use samples::{SampleStream, Splits};
 pub use sobol::{SOBOL_DIMENSIONS, Sobol};
 
 /// Largest `f32` below one: what a uniform variate is clamped to.

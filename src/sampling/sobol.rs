@@ -162,10 +162,9 @@ mod tests {
     fn sets_are_independent() {
         let sequence = Sobol::new(5);
         let n = 4096;
-        let covariance: f32 = (0..n)
-            .map(|i| (sequence.sample_1d(0, i) - 0.5) * (sequence.sample_1d(1, i) - 0.5))
-            .sum::<f32>()
-            / n as f32;
+        let covariance: f32 =
+            (0..n).map(|i| (sequence.sample_1d(0, i) - 0.5) * (sequence.sample_1d(1, i) - 0.5)).sum::<f32>()
+                / n as f32;
         assert!((covariance * 12.0).abs() < 4.0 / (n as f32).sqrt(), "{covariance}");
     }
 

@@ -1,6 +1,7 @@
 //! From files to a scene: the text of a scene file to a [`SceneDescription`], meshes to triangles, and both to a
 //! [`crate::scene::Scene`] in render space.
 
+mod build;
 mod description;
 mod diagnostic;
 pub mod mesh;
@@ -9,6 +10,7 @@ mod parse;
 pub mod ply;
 mod reader;
 
+pub use build::{BuildError, BuildProblem, BuiltScene, build_scene};
 pub use description::*;
 pub use diagnostic::{Diagnostic, SceneFileError};
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};

@@ -1,8 +1,8 @@
 //! `[camera]`, `[film]` and `[render]`.
 
 use crate::math::unit_f64;
-use crate::photons::{Estimator, Kernel, MapKind, SearchRegion};
-use crate::render::{IntegratorKind, Overrides, Quality};
+use crate::photons::{Estimator, Kernel, SearchRegion};
+use crate::render::{IntegratorKind, MapKind, Overrides, Quality};
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
 use glam::DVec3;

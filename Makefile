@@ -1,0 +1,34 @@
+# What there is to do with cardioid. Each target installs what it needs first; see setup.sh.
+
+SCENE := scenes/cornell-spheres.toml
+PICTURE := out/cornell-spheres.exr
+
+.PHONY: demo test bench check fmt clippy doc setup
+
+# Renders a scene, in a minute or so.
+demo: setup
+	cargo build --release
+	mkdir -p $(dir $(PICTURE))
+	cargo run --release --quiet -- render $(SCENE) --quality preview -o $(PICTURE)
+	@echo "The picture: $(PICTURE), and for any viewer $(PICTURE:.exr=.png)"
+
+test: setup
+	cargo test --release --workspace
+
+bench: setup
+	cargo bench
+
+check: fmt clippy doc
+
+fmt:
+	cargo fmt --all --check
+
+# All in the release profile: clippy and doc share what they compile, and build scripts and macros are shared with test.
+clippy: setup
+	cargo clippy --release --workspace --all-targets -- -D warnings
+
+doc: setup
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --workspace --no-deps
+
+setup:
+	@./setup.sh

@@ -1,0 +1,49 @@
+use super::{BsdfSample, Lobe};
+use crate::math::Rgb;
+use crate::sampling::warp::{cosine_hemisphere_pdf, square_to_disc};
+use glam::{Vec2, Vec3};
+use std::f32::consts::FRAC_1_PI;
+
+/// Ideal diffuse reflection: the same radiance in all directions of the upper hemisphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lambert {
+    /// Reflected over incident flux (hemispherical reflectance, without `1/pi`), in `[0, 1]`.
+    pub reflectance: Rgb,
+}
+
+/// `1 - x^2 - y^2` of a point of the unit disc carries an error of this size, so nothing smaller is meant.
+const SMALLEST_COS_SQUARED: f32 = f32::EPSILON / 4.0;
+
+impl Lambert {
+    /// `reflectance / pi` where both directions are above the surface, else zero.
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        if wo.z > 0.0 && wi.z > 0.0 { self.reflectance * FRAC_1_PI } else { Rgb::ZERO }
+    }
+
+    /// `cos(theta_i) / pi`, 1/sr, where both directions are above the surface, else zero.
+    #[inline]
+    pub fn pdf_solid_angle(&self, wo: Vec3, wi: Vec3) -> f32 {
+        let lit = wo.z > 0.0 && self.reflectance.max_element() > 0.0;
+        if lit { cosine_hemisphere_pdf(wi.z) } else { 0.0 }
+    }
+
+    /// A direction with density `cos(theta_i) / pi`; the throughput is the reflectance exactly.
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
+        if !(wo.z > 0.0 && self.reflectance.max_element() > 0.0) {
+            return None;
+        }
+        let d = square_to_disc(u);
+        // Not zero on the rim: there the density would vanish and the direction lie in the surface, and
+        // rejecting it would lose energy.
+        let z = (1.0 - d.length_squared()).max(SMALLEST_COS_SQUARED).sqrt();
+        Some(BsdfSample {
+            wi: Vec3::new(d.x, d.y, z),
+            throughput: self.reflectance,
+            pdf_solid_angle: z * FRAC_1_PI,
+            lobe: Lobe::Diffuse,
+            transmission: false,
+        })
+    }
+}

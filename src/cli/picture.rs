@@ -1,0 +1,106 @@
+//! Options shared by the commands that read a scene, and how they read it.
+
+use anyhow::{Context, Result, anyhow};
+use cardioid::embree::Device;
+use cardioid::film::PixelRect;
+use cardioid::scene_file::{
+    BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription, build_scene,
+    load_scene,
+};
+use clap::Args;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Which scene, and what of it.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct SceneArgs {
+    /// Scene file (TOML).
+    #[arg(value_name = "SCENE")]
+    pub(crate) scene: PathBuf,
+
+    /// Value of one of the scene's parameters; paths are relative to the current folder.
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = name_and_value)]
+    pub(crate) set: Vec<(String, String)>,
+
+    /// Size of the picture, over that of the scene file.
+    #[arg(long, value_name = "WxH", value_parser = resolution)]
+    pub(crate) resolution: Option<(u32, u32)>,
+
+    /// Threads; 0 means one for each core. The picture does not depend on it.
+    #[arg(long, default_value_t = 0)]
+    pub(crate) threads: usize,
+}
+
+fn name_and_value(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
+        _ => Err("write NAME=VALUE, for example --set mesh=bunny.ply".to_owned()),
+    }
+}
+
+fn resolution(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match parts {
+        Some((w, h)) if (1..=65_536).contains(&w) && (1..=65_536).contains(&h) => Ok((w, h)),
+        _ => Err("write WIDTHxHEIGHT in pixels, each from 1 to 65536, for example 1280x960".to_owned()),
+    }
+}
+
+/// `x0,y0,x1,y1`.
+pub(crate) fn crop(text: &str) -> Result<PixelRect, String> {
+    let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x0, y0, x1, y1]) if x0 < x1 && y0 < y1 => Ok(PixelRect { x0, y0, x1, y1 }),
+        _ => Err("write X0,Y0,X1,Y1 in pixels with X0 < X1 and Y0 < Y1; row 0 is on top".to_owned()),
+    }
+}
+
+/// A scene as it was read and built.
+pub(crate) struct Loaded {
+    pub(crate) description: SceneDescription,
+    pub(crate) built: BuiltScene,
+    pub(crate) device: Arc<Device>,
+    pub(crate) size: (u32, u32),
+}
+
+/// Reads and builds; warnings go to standard error.
+pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
+    // The messages of scene files begin with the place, so nothing is put in front of them.
+    let description = load_scene(&args.scene, &args.set).map_err(|error| anyhow!("{error}"))?;
+    let FilmDescription { width, height, .. } = description.film;
+    let size = args.resolution.unwrap_or((width, height));
+    let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
+    let built = build_scene(&description, &device, size)?;
+    for warning in &built.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(Loaded { description, built, device, size })
+}
+
+/// The camera in words.
+pub(crate) fn describe_camera(camera: Option<&CameraDescription>) -> String {
+    match camera {
+        None => "framed around the scene".to_owned(),
+        Some(camera) => {
+            let axis = match camera.fov_axis {
+                FovAxis::Vertical => "vertical",
+                FovAxis::Horizontal => "horizontal",
+            };
+            let at = |p: glam::DVec3| format!("({:.4}, {:.4}, {:.4}) m", p.x, p.y, p.z);
+            format!("at {}, looking at {}, {:.2} degrees {axis}", at(camera.eye), at(camera.at), camera.fov)
+        }
+    }
+}
+
+/// The filter of the film room that a scene file describes.
+pub(crate) fn filter_of(filter: FilterDescription) -> cardioid::film::Filter {
+    use cardioid::film::Filter;
+    match filter {
+        FilterDescription::Box { radius } => Filter::Box { radius: radius as f32 },
+        FilterDescription::Tent { radius } => Filter::Tent { radius: radius as f32 },
+        FilterDescription::Gaussian { radius, sigma } => {
+            Filter::Gaussian { radius: radius as f32, sigma: sigma as f32 }
+        }
+        FilterDescription::Mitchell { radius } => Filter::Mitchell { radius: radius as f32 },
+    }
+}

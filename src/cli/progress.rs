@@ -1,0 +1,80 @@
+//! Progress bars, the stop signal and the time limit.
+
+use cardioid::render::Observer;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Set by Ctrl-C and its like.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// Catches Ctrl-C, SIGTERM and SIGHUP: the first asks for a stop with a picture of what is there, the second ends at
+/// once (files are written under another name first, so none is left half-written).
+pub(crate) fn catch_interrupts() {
+    let outcome = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            std::process::exit(i32::from(super::INTERRUPTED));
+        }
+        eprintln!("\nstopping; what is there will be written (once more to quit at once)");
+    });
+    if let Err(error) = outcome {
+        eprintln!("warning: Ctrl-C will end the program without a picture: {error}");
+    }
+}
+
+/// True once the user asked to stop.
+pub(crate) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// Shows a bar for each step on a terminal, nothing elsewhere.
+pub(crate) struct Console {
+    bar: Mutex<ProgressBar>,
+    visible: bool,
+    deadline: Option<Instant>,
+}
+
+impl Console {
+    /// `limit` is the time from now after which rendering stops.
+    pub(crate) fn new(quiet: bool, limit: Option<Duration>) -> Self {
+        Self {
+            bar: Mutex::new(ProgressBar::hidden()),
+            visible: !quiet && std::io::stderr().is_terminal(),
+            deadline: limit.and_then(|limit| Instant::now().checked_add(limit)),
+        }
+    }
+
+    /// Removes the bar.
+    pub(crate) fn finish(&self) {
+        self.bar.lock().unwrap_or_else(PoisonError::into_inner).finish_and_clear();
+    }
+}
+
+impl Observer for Console {
+    fn begin(&self, step: &str, total: u64) {
+        if !self.visible {
+            return;
+        }
+        let style = ProgressStyle::with_template("{msg:24} [{bar:40}] {percent:>3} %  {elapsed} , {eta} left")
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .progress_chars("=> ");
+        let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10))
+            .with_style(style)
+            .with_message(step.to_owned());
+        let mut current = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        current.finish_and_clear();
+        *current = bar;
+    }
+
+    fn advance(&self, done: u64) {
+        if self.visible {
+            self.bar.lock().unwrap_or_else(PoisonError::into_inner).set_position(done);
+        }
+    }
+
+    fn should_stop(&self) -> bool {
+        interrupted() || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+}

@@ -1,0 +1,265 @@
+//! `cardioid render`: from a scene file to pictures.
+
+use super::picture::{Loaded, SceneArgs, crop, filter_of, load};
+use super::progress::{Console, catch_interrupts, interrupted};
+use super::settings::SettingsArgs;
+use anyhow::{Context, Result, bail};
+use cardioid::film::{Developed, LayerSet, PixelRect, ToneCurve, ToneMap};
+use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels};
+use cardioid::render::{RenderRequest, Rendered, Settings, Statistics, Stop, render};
+use clap::{Args, ValueEnum};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+/// Render a scene to an EXR with all parts of the light, and a PNG
+#[derive(Args, Clone, Debug)]
+pub(crate) struct RenderArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+
+    /// Picture to write: .exr (a .png is written beside it) or .png alone. Default: the scene's name in this folder.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+
+    /// Only this window of the picture; the pixels in it do not change.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = crop)]
+    crop: Option<PixelRect>,
+
+    /// Stop after this time, for example 30s, 5m or 1h, and write what is there.
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    time_limit: Option<Duration>,
+
+    /// Exposure of the PNG in stops, over that of the scene file.
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    exposure: Option<f64>,
+
+    /// Tone curve of the PNG.
+    #[arg(long, value_enum, default_value_t = CurveArg::Neutral)]
+    tone: CurveArg,
+
+    /// Leave out albedo, normal, depth and ids from the EXR.
+    #[arg(long)]
+    beauty_only: bool,
+
+    /// Write statistics as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+
+    /// No progress bars and no summary.
+    #[arg(short, long)]
+    quiet: bool,
+
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum CurveArg {
+    /// Clamp at white.
+    None,
+    /// Bend bright colours towards white (Khronos PBR Neutral).
+    Neutral,
+}
+
+fn duration(text: &str) -> Result<Duration, String> {
+    let message = || "write a positive number with s, m or h, for example 30s".to_owned();
+    let (number, unit) = match text.find(|c: char| c.is_ascii_alphabetic()) {
+        Some(at) => text.split_at(at),
+        None => (text, "s"),
+    };
+    let factor = match unit {
+        "ms" => 1e-3,
+        "s" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        _ => return Err(message()),
+    };
+    let seconds = number.trim().parse::<f64>().map_err(|_| message())? * factor;
+    Duration::try_from_secs_f64(seconds).ok().filter(|d| !d.is_zero()).ok_or_else(message)
+}
+
+pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
+    catch_interrupts();
+    let start = Instant::now();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.scene.threads)
+        .build()
+        .context("cannot start the threads")?;
+    let outputs = Outputs::new(args)?;
+    let console = Console::new(args.quiet, args.time_limit);
+    pool.install(|| {
+        let loaded = load(&args.scene)?;
+        let seconds_scene = start.elapsed().as_secs_f64();
+        let request = request(args, &loaded);
+        let rendered = render(&loaded.built.scene, &loaded.built.camera, &request, &console);
+        console.finish();
+        let Rendered { film, mut statistics, stopped } = rendered?;
+        statistics.times.scene = seconds_scene;
+        for warning in &statistics.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if stopped == Some(Stop::BeforePixels) {
+            bail!("stopped before the first pixel: nothing was written");
+        }
+        let developed = film.develop();
+        if developed.clamped > 0 {
+            eprintln!(
+                "warning: {} values exceed what a file of single precision holds and were cut; lower the power of the \
+                 lights",
+                developed.clamped
+            );
+        }
+        outputs.write(args, &loaded, &developed, &statistics)?;
+        if !args.quiet {
+            summary(&statistics, stopped, &outputs, request.settings.spp, &developed);
+        }
+        Ok(if interrupted() { ExitCode::from(super::INTERRUPTED) } else { ExitCode::SUCCESS })
+    })
+}
+
+fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
+    let settings = Settings::from(&args.settings.overrides().over(loaded.description.render.clone()));
+    RenderRequest {
+        width: loaded.size.0,
+        height: loaded.size.1,
+        crop: args.crop,
+        filter: filter_of(loaded.description.film.filter),
+        layers: if args.beauty_only { LayerSet::default() } else { LayerSet::all() },
+        settings,
+    }
+}
+
+/// Where pictures go. Checked before anything is rendered: a wrong name should not cost an hour.
+struct Outputs {
+    exr: Option<PathBuf>,
+    png: PathBuf,
+}
+
+impl Outputs {
+    fn new(args: &RenderArgs) -> Result<Self> {
+        let output = match &args.output {
+            Some(output) => output.clone(),
+            None => PathBuf::from(args.scene.scene.file_stem().unwrap_or_default()).with_extension("exr"),
+        };
+        let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        let outputs = match extension.as_str() {
+            "exr" => Self { png: output.with_extension("png"), exr: Some(output) },
+            "png" => Self { exr: None, png: output },
+            _ => bail!("{}: the name of a picture ends in .exr or .png", output.display()),
+        };
+        for file in [Some(&outputs.png), args.stats.as_ref()].into_iter().flatten() {
+            check_folder(file)?;
+        }
+        Ok(outputs)
+    }
+
+    fn write(
+        &self,
+        args: &RenderArgs,
+        loaded: &Loaded,
+        developed: &Developed,
+        statistics: &Statistics,
+    ) -> Result<()> {
+        let (width, height) = (developed.rect.width(), developed.rect.height());
+        if let Some(exr) = &self.exr {
+            let layers = developed.layers.iter().map(|layer| {
+                let name = if layer.name == "beauty" { "" } else { layer.name };
+                Layer::new(name, layer.channels, layer.values.clone())
+            });
+            let mut image = Image::new(width, height);
+            image.layers = layers.collect();
+            image.metadata = metadata(loaded, developed, statistics)?;
+            image_io::write_exr(exr, &image)?;
+        }
+        let tone = ToneMap {
+            exposure: args.exposure.unwrap_or(loaded.description.film.exposure),
+            curve: match args.tone {
+                CurveArg::None => ToneCurve::None,
+                CurveArg::Neutral => ToneCurve::Neutral,
+            },
+        };
+        let bytes = tone.to_srgb8(developed.beauty());
+        image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?;
+        if let Some(path) = &args.stats {
+            let text = serde_json::to_string_pretty(statistics)?;
+            std::fs::write(path, text + "\n").with_context(|| format!("{}: cannot be written", path.display()))?;
+        }
+        Ok(())
+    }
+}
+
+fn check_folder(file: &Path) -> Result<()> {
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        bail!("{}: there is no folder {}; make it first", file.display(), folder.display());
+    }
+    if file.is_dir() {
+        bail!("{}: is a folder; name a file in it", file.display());
+    }
+    Ok(())
+}
+
+/// What a picture needs to be made again.
+fn metadata(
+    loaded: &Loaded,
+    developed: &Developed,
+    statistics: &Statistics,
+) -> Result<Vec<(String, MetadataValue)>> {
+    let json = |value: serde_json::Result<String>| value.map(MetadataValue::from);
+    let (major, minor, patch) = image_io::library_version();
+    let rect = developed.rect;
+    Ok(vec![
+        ("cardioid/version".into(), env!("CARGO_PKG_VERSION").into()),
+        ("cardioid/scene".into(), statistics.scene.clone().into()),
+        ("cardioid/sceneHash".into(), loaded.hash.clone().into()),
+        ("cardioid/settings".into(), json(serde_json::to_string(&statistics.settings))?),
+        ("cardioid/plan".into(), json(serde_json::to_string(&statistics.plan))?),
+        ("cardioid/counters".into(), json(serde_json::to_string(&statistics.counters))?),
+        ("cardioid/times".into(), json(serde_json::to_string(&statistics.times))?),
+        ("cardioid/samples".into(), MetadataValue::Double(statistics.samples as f64)),
+        ("cardioid/embree".into(), loaded.device.version().to_string().into()),
+        ("cardioid/openimageio".into(), format!("{major}.{minor}.{patch}").into()),
+        ("cardioid/target".into(), std::env::consts::ARCH.into()),
+        ("cardioid/window".into(), format!("{},{},{},{}", rect.x0, rect.y0, rect.x1, rect.y1).into()),
+        ("cardioid/fullSize".into(), format!("{}x{}", developed.width, developed.height).into()),
+    ])
+}
+
+fn summary(
+    statistics: &Statistics,
+    stopped: Option<Stop>,
+    outputs: &Outputs,
+    asked: u32,
+    developed: &Developed,
+) {
+    let times = &statistics.times;
+    for map in &statistics.maps {
+        let name = serde_json::to_value(map.map).ok().and_then(|v| v.as_str().map(str::to_owned));
+        eprintln!(
+            "{} map: {} photons of {} emitted, {:.1} MB, {:.2} s",
+            name.unwrap_or_default(),
+            map.photons,
+            map.emitted,
+            map.bytes as f64 / 1e6,
+            map.seconds_tracing + map.seconds_building
+        );
+    }
+    eprintln!(
+        "scene {:.2} s, photons {:.2} s, pixels {:.2} s; {} samples per pixel, mean ray depth {:.2}",
+        times.scene, times.photons, times.pixels, statistics.samples, statistics.mean_depth
+    );
+    if stopped.is_some() {
+        eprintln!(
+            "stopped early: {} of {asked} samples per pixel, {} pixels have none",
+            statistics.samples, developed.unsampled
+        );
+    }
+    if let Some(exr) = &outputs.exr {
+        eprintln!("wrote {}", exr.display());
+    }
+    eprintln!("wrote {}", outputs.png.display());
+}

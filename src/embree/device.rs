@@ -1,0 +1,160 @@
+use embree4_sys as sys;
+use std::ffi::{CStr, CString, c_char, c_void};
+use std::fmt;
+use std::sync::Mutex;
+
+/// What Embree, or the border around it, refuses.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EmbreeError {
+    /// The library at run time is older than 4.3 or than the headers this program was built with.
+    #[error(
+        "the Embree library is version {found}, but {needed} or later is needed; install a newer libembree4 or set \
+         EMBREE_DIR and rebuild"
+    )]
+    Version {
+        /// Version of the library that was loaded.
+        found: LibraryVersion,
+        /// Oldest version that will do.
+        needed: LibraryVersion,
+    },
+    /// No device could be made.
+    #[error("Embree could not start: {0}")]
+    NoDevice(String),
+    /// A call failed.
+    #[error("Embree failed to {action}: {message}")]
+    Call {
+        /// What was attempted.
+        action: &'static str,
+        /// Embree's own words.
+        message: String,
+    },
+    /// More primitives than a 32-bit index can name.
+    #[error("{0} primitives in one geometry; Embree counts to 4294967294")]
+    TooManyPrimitives(usize),
+}
+
+/// A version of the Embree library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LibraryVersion {
+    /// Major, minor and patch.
+    pub parts: (u32, u32, u32),
+}
+
+impl LibraryVersion {
+    /// From Embree's number `10000 major + 100 minor + patch`.
+    fn from_number(number: u32) -> Self {
+        Self { parts: (number / 10_000, number / 100 % 100, number % 100) }
+    }
+}
+
+impl fmt::Display for LibraryVersion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (major, minor, patch) = self.parts;
+        write!(f, "{major}.{minor}.{patch}")
+    }
+}
+
+/// Since 4.3 the hit structure has the layout that the bindings expect.
+const OLDEST: u32 = 40_300;
+
+/// An instance of Embree with its own thread pool.
+pub struct Device {
+    handle: sys::RTCDevice,
+    /// First error since the last look, written by the callback. Boxed: Embree keeps its address.
+    error: Box<Mutex<Option<String>>>,
+    version: LibraryVersion,
+}
+
+// SAFETY: Embree's device functions may be called from any thread; the error slot is behind a mutex.
+unsafe impl Send for Device {}
+// SAFETY: as above; no method takes `&mut self`.
+unsafe impl Sync for Device {}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Device").field("version", &self.version).finish_non_exhaustive()
+    }
+}
+
+/// Called by Embree for each error, on the thread that caused it.
+extern "C" fn record_error(slot: *mut c_void, _code: sys::RTCError, message: *const c_char) {
+    if slot.is_null() || message.is_null() {
+        return;
+    }
+    // SAFETY: `slot` is the boxed mutex of a living device (the callback is removed before it is dropped) and
+    // `message` a C string that lives for the call.
+    let (slot, message) = unsafe { (&*slot.cast::<Mutex<Option<String>>>(), CStr::from_ptr(message)) };
+    // A poisoned lock would mean a panic in a one-line critical section; keep what is there.
+    let mut first = slot.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    first.get_or_insert_with(|| message.to_string_lossy().into_owned());
+}
+
+impl Device {
+    /// A device that builds with at most `threads` threads; 0 means one for each core.
+    ///
+    /// # Errors
+    /// Where Embree cannot start, or is too old for the layout of its own structures.
+    pub fn new(threads: usize) -> Result<Self, EmbreeError> {
+        let config = CString::new(format!("threads={threads}")).unwrap_or_default();
+        // SAFETY: a NUL-terminated configuration string that lives for the call.
+        let handle = unsafe { sys::rtcNewDevice(config.as_ptr()) };
+        if handle.is_null() {
+            return Err(EmbreeError::NoDevice("rtcNewDevice returned nothing".into()));
+        }
+        // SAFETY: a valid device; version is a read-only property.
+        let number = unsafe { sys::rtcGetDeviceProperty(handle, sys::RTC_DEVICE_PROPERTY_VERSION) };
+        let number = u32::try_from(number).unwrap_or(0);
+        let needed = OLDEST.max(sys::RTC_VERSION);
+        let version = LibraryVersion::from_number(number);
+        if number < needed {
+            // SAFETY: the only reference to the device.
+            unsafe { sys::rtcReleaseDevice(handle) };
+            return Err(EmbreeError::Version { found: version, needed: LibraryVersion::from_number(needed) });
+        }
+        let error = Box::new(Mutex::new(None));
+        let slot = std::ptr::from_ref::<Mutex<Option<String>>>(&error).cast_mut().cast::<c_void>();
+        // SAFETY: `slot` stays valid until `drop`, which removes the callback first.
+        unsafe { sys::rtcSetDeviceErrorFunction(handle, Some(record_error), slot) };
+        Ok(Self { handle, error, version })
+    }
+
+    /// Version of the library in use.
+    pub fn version(&self) -> LibraryVersion {
+        self.version
+    }
+
+    pub(super) fn handle(&self) -> sys::RTCDevice {
+        self.handle
+    }
+
+    /// Turns an error that Embree recorded since the last call into one of ours.
+    pub(super) fn check(&self, action: &'static str) -> Result<(), EmbreeError> {
+        let recorded = self.error.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+        match recorded {
+            None => Ok(()),
+            Some(message) => Err(EmbreeError::Call { action, message }),
+        }
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: the callback is removed before its slot is freed; scenes hold an `Arc` of the device, so none is
+        // left.
+        unsafe {
+            sys::rtcSetDeviceErrorFunction(self.handle, None, std::ptr::null_mut());
+            sys::rtcReleaseDevice(self.handle);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn version_is_at_least_4_3() {
+        let device = Device::new(1).unwrap();
+        assert!(device.version().parts >= (4, 3, 0));
+    }
+}

@@ -1,0 +1,85 @@
+use std::sync::Arc;
+
+/// Why a triangle buffer was refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TriangleError {
+    /// A corner that is not there.
+    #[error("triangle {triangle} refers to vertex {index}, but there are only {vertices}")]
+    IndexOutOfRange {
+        /// Number of the triangle, from 0.
+        triangle: usize,
+        /// The index.
+        index: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// More than 32 bits can count.
+    #[error("{0} vertices or triangles in one mesh; Embree counts to 4294967294")]
+    TooMany(usize),
+}
+
+/// Vertex positions and corner indices that Embree and the renderer read in place. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct TriangleBuffers {
+    // Behind an `Arc` of a `Vec`, as a conversion to `Arc<[T]>` would copy gigabytes.
+    positions: Arc<Vec<[f32; 3]>>,
+    triangles: Arc<Vec<[u32; 3]>>,
+}
+
+impl TriangleBuffers {
+    /// Takes over both buffers. Every index is checked here, once, as Embree does not.
+    ///
+    /// # Errors
+    /// Where an index is out of range or there are more elements than Embree can count.
+    pub fn new(mut positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, TriangleError> {
+        let vertices = positions.len();
+        if let Some(count) = [vertices, triangles.len()].into_iter().find(|&n| n >= u32::MAX as usize) {
+            return Err(TriangleError::TooMany(count));
+        }
+        if let Some((triangle, index)) = triangles
+            .iter()
+            .enumerate()
+            .find_map(|(i, t)| t.iter().find(|&&v| v as usize >= vertices).map(|&v| (i, v)))
+        {
+            return Err(TriangleError::IndexOutOfRange { triangle, index, vertices });
+        }
+        // Embree loads 16 bytes at the last vertex.
+        positions.push([0.0; 3]);
+        Ok(Self { positions: Arc::new(positions), triangles: Arc::new(triangles) })
+    }
+
+    /// Vertex positions.
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.positions[..self.positions.len() - 1]
+    }
+
+    /// Corner indices.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Positions of the three corners of triangle `index`.
+    #[inline]
+    pub fn corners(&self, index: u32) -> [[f32; 3]; 3] {
+        self.triangles[index as usize].map(|v| self.positions[v as usize])
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(self.positions.as_slice()) + size_of_val(self.triangles.as_slice())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_are_checked() {
+        let error = TriangleBuffers::new(vec![[0.0; 3]; 3], vec![[0, 1, 2], [0, 1, 3]]).unwrap_err();
+        assert_eq!(error, TriangleError::IndexOutOfRange { triangle: 1, index: 3, vertices: 3 });
+        // The padding is no vertex.
+        let buffers = TriangleBuffers::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap();
+        assert_eq!(buffers.positions().len(), 3);
+    }
+}

@@ -1,0 +1,182 @@
+use crate::math::{Rgb, luminance};
+use rayon::prelude::*;
+use serde::Serialize;
+
+/// How linear radiance becomes what a screen shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ToneCurve {
+    /// Linear up to 1, white beyond: the screen shows exactly what was computed as far as it can.
+    #[default]
+    None,
+    /// A filmic shoulder after a linear base: the PBR Neutral tone mapper of the Khronos Group ("Khronos PBR Neutral
+    /// Tone Mapper", specification and reference code, 2024). Diffuse colours up to 0.76 keep hue and saturation;
+    /// brighter ones bend towards 1 and fade to white, where a plain clamp would shift their hue.
+    Neutral,
+}
+
+impl ToneCurve {
+    /// Display-linear colour in `[0, 1]` of the exposed linear `colour`. Negative and NaN channels become zero.
+    pub fn apply(self, colour: Rgb) -> Rgb {
+        // `max` drops NaN; infinity would give infinity over infinity below.
+        let colour = Rgb::from_array(colour.to_array().map(|c| c.clamp(0.0, 1e30).max(0.0)));
+        match self {
+            Self::None => colour.min(Rgb::ONE),
+            Self::Neutral => pbr_neutral(colour),
+        }
+    }
+}
+
+/// The reference code of the specification, with its names.
+fn pbr_neutral(colour: Rgb) -> Rgb {
+    const F90: f32 = 0.04;
+    const START_COMPRESSION: f32 = 0.8 - F90;
+    const DESATURATION: f32 = 0.15;
+    let x = colour.min_element();
+    let offset = if x < 2.0 * F90 { x - x * x / (4.0 * F90) } else { F90 };
+    let colour = colour - offset;
+    let peak = colour.max_element();
+    if peak < START_COMPRESSION {
+        return colour.max(Rgb::ZERO);
+    }
+    let d = 1.0 - START_COMPRESSION;
+    let new_peak = 1.0 - d * d / (peak + d - START_COMPRESSION);
+    let g = 1.0 / (DESATURATION * (peak - new_peak) + 1.0);
+    let compressed = colour * (new_peak / peak);
+    (compressed * g + Rgb::splat(new_peak) * (1.0 - g)).clamp(Rgb::ZERO, Rgb::ONE)
+}
+
+/// The sRGB encoding of linear `x` (IEC 61966-2-1), both in `[0, 1]`; what lies outside is clamped first.
+pub fn srgb_encode(x: f32) -> f32 {
+    let x = f64::from(x.clamp(0.0, 1.0));
+    let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
+    encoded as f32
+}
+
+/// The linear value of an sRGB-encoded `x`, both in `[0, 1]`; what lies outside is clamped first.
+pub fn srgb_decode(x: f32) -> f32 {
+    let x = f64::from(x.clamp(0.0, 1.0));
+    let linear = if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+    linear as f32
+}
+
+/// The sRGB encoding of linear `x` in a byte, to nearest and without dithering. NaN becomes zero.
+pub fn srgb_encode_u8(x: f32) -> u8 {
+    // The cast sends NaN to zero.
+    (srgb_encode(x) * 255.0).round() as u8
+}
+
+/// Development of linear radiance for a screen: exposure, curve, encoding. The same input gives the same bytes,
+/// whatever the number of threads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ToneMap {
+    /// Stops: radiance is multiplied by `2^exposure`, and 1 is white.
+    pub exposure: f64,
+    /// Curve.
+    pub curve: ToneCurve,
+}
+
+impl ToneMap {
+    /// Display-linear colour in `[0, 1]` of the linear radiance `colour`.
+    pub fn apply(&self, colour: Rgb) -> Rgb {
+        // In f64, so that 1e30 W/(m^2 sr) can be exposed by -100 stops.
+        let scale = self.exposure.exp2();
+        let exposed = colour.as_dvec3() * scale;
+        self.curve.apply(exposed.as_vec3())
+    }
+
+    /// Bytes for a PNG of the interleaved linear RGB `pixels`; as many as there are values. Values that do not fill
+    /// a pixel at the end are black.
+    pub fn to_srgb8(&self, pixels: &[f32]) -> Vec<u8> {
+        let mut bytes = vec![0; pixels.len()];
+        bytes.par_chunks_exact_mut(3).zip(pixels.par_chunks_exact(3)).for_each(|(out, pixel)| {
+            let colour = self.apply(Rgb::new(pixel[0], pixel[1], pixel[2]));
+            out.iter_mut().zip(colour.to_array()).for_each(|(byte, x)| *byte = srgb_encode_u8(x));
+        });
+        bytes
+    }
+}
+
+/// Stops that bring the log-average luminance of the interleaved linear RGB `pixels` to 0.18, middle grey
+/// (Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002).
+///
+/// Pixels that are black or not finite do not count, instead of the paper's small constant: so the result follows
+/// any scale of the radiance exactly. `None` where no pixel is left.
+pub fn auto_exposure(pixels: &[f32]) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0u64);
+    for pixel in pixels.chunks_exact(3) {
+        let y = luminance(Rgb::new(pixel[0], pixel[1], pixel[2]));
+        if y > 0.0 && y.is_finite() {
+            sum += f64::from(y).log2();
+            count += 1;
+        }
+    }
+    (count > 0).then(|| 0.18f64.log2() - sum / count as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_of_the_standard() {
+        for (linear, byte) in [(0.0, 0), (0.003_130_8, 10), (0.18, 118), (0.5, 188), (1.0, 255), (7.0, 255)] {
+            assert_eq!(srgb_encode_u8(linear), byte, "{linear}");
+        }
+        assert_eq!(
+            (srgb_encode_u8(f32::NAN), srgb_encode_u8(f32::INFINITY), srgb_encode_u8(-1.0)),
+            (0, 255, 0)
+        );
+        for byte in 0..=255u8 {
+            assert_eq!(srgb_encode_u8(srgb_decode(f32::from(byte) / 255.0)), byte);
+        }
+    }
+
+    #[test]
+    fn neutral_keeps_the_base_and_bends_the_top() {
+        // A grey of the base loses 0.04 (the Fresnel reflection of a white sky), and nothing else happens to it.
+        let base = ToneCurve::Neutral.apply(Rgb::new(0.5, 0.3, 0.2));
+        assert!((base - Rgb::new(0.46, 0.26, 0.16)).abs().max_element() < 1e-6, "{base}");
+        let mut last = -1.0;
+        for i in 0..2000 {
+            let x = 1e-3 * 1.02f32.powi(i);
+            let y = ToneCurve::Neutral.apply(Rgb::splat(x)).x;
+            assert!(y >= last && y <= 1.0, "{x}");
+            last = y;
+        }
+        assert!(last > 0.999);
+    }
+
+    #[test]
+    fn anything_gives_a_colour_in_range() {
+        for curve in [ToneCurve::None, ToneCurve::Neutral] {
+            for a in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -1.0, 0.0, 1e-40, 0.08, 1.0, 1e30]
+            {
+                for b in [0.0, 1.0, f32::MAX, f32::NAN] {
+                    let c = curve.apply(Rgb::new(a, b, 0.5));
+                    assert!(c.min_element() >= 0.0 && c.max_element() <= 1.0, "{curve:?} {a} {b}: {c}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn exposure_is_a_power_of_two() {
+        let map = |exposure| ToneMap { exposure, curve: ToneCurve::None };
+        assert_eq!(map(-2.0).apply(Rgb::splat(2.0)), Rgb::splat(0.5));
+        assert!((map(-100.0).apply(Rgb::splat(1e30)).x / (1e30 / 2f64.powi(100)) as f32 - 1.0).abs() < 1e-6);
+        assert_eq!(map(1.0).to_srgb8(&[0.25, 0.5, 4.0]), [188, 255, 255]);
+    }
+
+    #[test]
+    fn auto_exposure_follows_any_scale() {
+        let pixels: Vec<f32> = (0..300).map(|i| 0.01 + (i % 37) as f32).collect();
+        let stops = auto_exposure(&pixels).unwrap();
+        for power in [-90, -3, 5, 90] {
+            let scaled: Vec<f32> = pixels.iter().map(|x| x * 2f32.powi(power)).collect();
+            assert!((auto_exposure(&scaled).unwrap() + f64::from(power) - stops).abs() < 1e-9);
+        }
+        assert!((auto_exposure(&[0.18; 3]).unwrap()).abs() < 1e-6);
+        assert_eq!(auto_exposure(&[0.0, 0.0, 0.0, f32::NAN, 1.0, 1.0]), None);
+    }
+}

@@ -1,0 +1,119 @@
+//! What can go wrong with a picture file.
+
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// Why a picture was not written or read. The message names the file, what is wrong, and what helps.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The system refused to write.
+    #[error("cannot write {}: {}", path.display(), write_remedy(path, cause))]
+    Write {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// What the system says.
+        cause: io::Error,
+    },
+
+    /// The system refused to read.
+    #[error("cannot read {}: {}", path.display(), read_remedy(cause))]
+    Read {
+        /// The file that was to be read.
+        path: PathBuf,
+        /// What the system says.
+        cause: io::Error,
+    },
+
+    /// The picture cannot be stored in a file of this kind.
+    #[error("cannot write {}: OpenImageIO says: {reason}", path.display())]
+    Encode {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// What OpenImageIO says.
+        reason: String,
+    },
+
+    /// The picture contradicts itself: the fault of who made it.
+    #[error("cannot write {}: {reason}", path.display())]
+    Inconsistent {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// What contradicts what.
+        reason: String,
+    },
+
+    /// The file starts like no picture.
+    #[error(
+        "{} is not a picture of a known kind (EXR, PNG, JPEG, Radiance HDR, TIFF, BMP, WebP, or TGA by its extension)",
+        path.display()
+    )]
+    NotAPicture {
+        /// The file that was to be read.
+        path: PathBuf,
+    },
+
+    /// The file starts like a picture, but goes on otherwise.
+    #[error("{} is damaged or incomplete ({reason}): make it anew, or copy it again", path.display())]
+    Damaged {
+        /// The file that was to be read.
+        path: PathBuf,
+        /// What was found wrong.
+        reason: String,
+    },
+
+    /// A picture, but of a kind that this renderer has no use for.
+    #[error("{} is {what}, which is not supported: convert it to a flat picture", path.display())]
+    Unsupported {
+        /// The file that was to be read.
+        path: PathBuf,
+        /// What kind of picture it is.
+        what: &'static str,
+    },
+
+    /// The picture would take more memory than the reader allowed.
+    #[error("{} holds {values} values, more than the {limit} allowed: scale it down, or split it", path.display())]
+    TooLarge {
+        /// The file that was to be read.
+        path: PathBuf,
+        /// Width times height times channels, of the picture or of one block that is decoded at once.
+        values: u64,
+        /// How many were allowed.
+        limit: u64,
+    },
+}
+
+/// What the system says, in words that name a remedy where the cause is a usual one.
+fn write_remedy(path: &Path, cause: &io::Error) -> String {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent.display().to_string(),
+        _ => "the current folder".to_owned(),
+    };
+    match cause.kind() {
+        ErrorKind::NotFound => format!("{folder} does not exist; create it, or write elsewhere"),
+        ErrorKind::NotADirectory => format!("{folder} is not a folder; write elsewhere"),
+        ErrorKind::IsADirectory => "it is a folder; name a file in it".to_owned(),
+        ErrorKind::PermissionDenied => {
+            format!("no permission to write in {folder}; change its permissions, or write elsewhere")
+        }
+        ErrorKind::ReadOnlyFilesystem => format!("{folder} is on a read-only disk; write elsewhere"),
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            format!("the disk of {folder} is full; free some space, or write elsewhere")
+        }
+        ErrorKind::InvalidFilename => {
+            "the name is too long or has characters that the disk refuses".to_owned()
+        }
+        _ => cause.to_string(),
+    }
+}
+
+fn read_remedy(cause: &io::Error) -> String {
+    match cause.kind() {
+        ErrorKind::NotFound => "there is no such file; check the path".to_owned(),
+        ErrorKind::IsADirectory => "it is a folder; name a file in it".to_owned(),
+        ErrorKind::PermissionDenied => "no permission to read it; change its permissions".to_owned(),
+        _ => cause.to_string(),
+    }
+}

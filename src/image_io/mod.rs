@@ -1,0 +1,34 @@
+//! Picture files: EXR with many layers, PNG, and whatever OpenImageIO reads.
+//!
+//! [`write_exr`] and [`write_png`] are atomic: the picture goes to a temporary file in the same folder, which takes the
+//! final name only when it is complete and on the disk. Whatever fails or is interrupted on the way, the final name holds
+//! either the whole new picture or what was there before, and the temporary file is removed. (A process that is killed
+//! outright, by `SIGKILL` or a power cut, cannot remove it: `.NAME.*.tmp` is then left, and means nothing to anybody.)
+//!
+//! [`read`] trusts nothing: a file's size is checked against a limit before memory is taken for it, and a file that is
+//! damaged is an error.
+
+mod atomic;
+mod error;
+mod exr_header;
+mod image;
+mod oiio;
+mod read;
+mod write;
+
+pub use error::ImageError;
+pub use image::{Image, Layer, MetadataValue};
+pub use oiio::library_version;
+pub use read::{DEFAULT_LIMIT, read, read_with_limit};
+pub use write::{PngPixels, write_exr, write_png};
+
+/// Whether an attribute says how a file is stored, not what is in it: such are orders to OpenImageIO when writing, and what it
+/// found out when reading.
+fn is_storage(name: &str) -> bool {
+    const NAMES: [&str; 4] = ["compression", "PixelAspectRatio", "screenWindowCenter", "screenWindowWidth"];
+    const PREFIXES: [&str; 9] = ["oiio", "openexr", "png", "jpeg", "hdr", "tiff", "bmp", "webp", "targa"];
+    match name.split_once(':') {
+        None => NAMES.iter().any(|known| name.eq_ignore_ascii_case(known)),
+        Some((prefix, _)) => PREFIXES.iter().any(|known| prefix.eq_ignore_ascii_case(known)),
+    }
+}

@@ -1,0 +1,244 @@
+//! Reading pictures.
+
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::ffi::{CStr, CString};
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek};
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+
+use super::exr_header::{self, BLOCK_LIMIT, Fault};
+use super::oiio::{Failure, Input};
+use super::{Image, ImageError, Layer, MetadataValue, is_storage};
+
+/// Most values (width times height times channels) that [`read`] takes: 4 GiB of them.
+pub const DEFAULT_LIMIT: u64 = 1 << 30;
+
+/// Reads a picture, as [`read_with_limit`] with [`DEFAULT_LIMIT`].
+///
+/// # Errors
+/// As [`read_with_limit`].
+pub fn read(path: impl AsRef<Path>) -> Result<Image, ImageError> {
+    read_with_limit(path, DEFAULT_LIMIT)
+}
+
+/// Reads a picture of at most `limit` values (width times height times channels).
+///
+/// The kind of file is told by its first bytes, not by its name. Integers of 8 and 16 bits are scaled to 0..1 and otherwise
+/// left as they are: still encoded for display where the file is a PNG or JPEG, alpha not multiplied in.
+///
+/// Channels `layer.R`, `layer.G`, `layer.B` become a layer; those without a dot are the layer without a name, and those of a
+/// part of a multi-part EXR are named after it. Layers come in the order of their names, channels as R, G, B, A and then in
+/// the order of theirs. Metadata is that of the first part, apart from how the file is stored.
+///
+/// Memory: the values twice, of 4 bytes each, and a few blocks of at most 128 MiB for each thread. Nothing of that is taken
+/// for a file that claims to be larger than `limit`.
+///
+/// # Errors
+/// [`ImageError::Read`], [`ImageError::NotAPicture`], [`ImageError::Damaged`], [`ImageError::Unsupported`] (deep, a volume,
+/// parts of different sizes) or [`ImageError::TooLarge`].
+pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, ImageError> {
+    let path = path.as_ref();
+    let format = recognise(path, limit)?;
+    let c_path = CString::new(path.as_os_str().as_bytes()).map_err(|error| unreadable(path, error.into()))?;
+    let mut input = Input::open(&c_path, format).map_err(|failure| damaged(path, failure))?;
+    let [width, height, ..] = input.size();
+    let mut image = Image::new(width, height);
+    let mut layers = Layers::default();
+    let mut values = 0;
+    // Other formats have pages or frames, of which the first is the picture.
+    let parts = if format == FORMAT_EXR { i32::MAX } else { 1 };
+    for part in 0..parts {
+        if part > 0 && !input.seek(part) {
+            break;
+        }
+        values += check_part(path, &input, &image, limit - values)?;
+        let attributes = input.attributes();
+        let pixels = input.read().map_err(|failure| damaged(path, failure))?;
+        layers
+            .add(part_name(&attributes), &input.channel_names(), &pixels)
+            .map_err(|reason| ImageError::Damaged { path: path.to_owned(), reason })?;
+        if part == 0 {
+            image.metadata = attributes.into_iter().filter(|(name, _)| !is_storage(name)).collect();
+        }
+    }
+    image.layers = layers.finish();
+    Ok(image)
+}
+
+const FORMAT_EXR: &CStr = c"openexr";
+
+/// First bytes of a kind of file, and what OpenImageIO calls it.
+const KINDS: [(&[u8], &CStr); 9] = [
+    (&exr_header::MAGIC, FORMAT_EXR),
+    (b"\x89PNG\r\n\x1a\n", c"png"),
+    (b"\xff\xd8\xff", c"jpeg"),
+    (b"#?", c"hdr"),
+    (b"II*\0", c"tiff"),
+    (b"MM\0*", c"tiff"),
+    (b"II+\0", c"tiff"),
+    (b"BM", c"bmp"),
+    (b"RIFF", c"webp"),
+];
+
+/// The kind of file, where it is one and does not claim more than it may.
+fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageError> {
+    let mut file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let mut start = Vec::new();
+    // A folder can be opened, but not read.
+    file.by_ref().take(8).read_to_end(&mut start).map_err(|cause| unreadable(path, cause))?;
+    let kind = KINDS.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, format)| format);
+    let format = match kind {
+        Some(format) => format,
+        // The only kind that nothing but the name gives away.
+        None if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga")) => c"targa",
+        None => return Err(ImageError::NotAPicture { path: path.to_owned() }),
+    };
+    if format == FORMAT_EXR {
+        file.rewind().map_err(|cause| unreadable(path, cause))?;
+        exr_header::check(BufReader::new(file), limit).map_err(|fault| match fault {
+            Fault::System(cause) => unreadable(path, cause),
+            Fault::Damaged(reason) => {
+                ImageError::Damaged { path: path.to_owned(), reason: reason.to_owned() }
+            }
+            Fault::Deep => ImageError::Unsupported { path: path.to_owned(), what: "a deep picture" },
+            Fault::TooLarge { values, limit } => {
+                ImageError::TooLarge { path: path.to_owned(), values, limit }
+            }
+        })?;
+    }
+    Ok(format)
+}
+
+/// Number of values of the part the input stands at, where it is one to be read.
+fn check_part(path: &Path, input: &Input, image: &Image, limit: u64) -> Result<u64, ImageError> {
+    let unsupported = |what| ImageError::Unsupported { path: path.to_owned(), what };
+    let [width, height, depth, channels] = input.size();
+    if input.is_deep() {
+        return Err(unsupported("a deep picture"));
+    }
+    if depth > 1 {
+        return Err(unsupported("a volume"));
+    }
+    if (width, height) != (image.width, image.height) {
+        return Err(unsupported("a picture of parts of different sizes"));
+    }
+    let values = u64::from(width) * u64::from(height);
+    if values == 0 || channels == 0 {
+        return Err(ImageError::Damaged { path: path.to_owned(), reason: "it has no pixels".to_owned() });
+    }
+    let values = values.saturating_mul(channels.into());
+    let block = input.block_bytes() / size_of::<f32>() as u64;
+    for (values, limit) in [(values, limit), (block, BLOCK_LIMIT)] {
+        if values > limit {
+            return Err(ImageError::TooLarge { path: path.to_owned(), values, limit });
+        }
+    }
+    Ok(values)
+}
+
+/// Name of a part of a multi-part file; empty elsewhere.
+fn part_name(attributes: &[(String, MetadataValue)]) -> &str {
+    attributes
+        .iter()
+        .find_map(|(name, value)| match value {
+            MetadataValue::Text(text) if name == "oiio:subimagename" => Some(text.as_str()),
+            _ => None,
+        })
+        .unwrap_or_default()
+}
+
+fn unreadable(path: &Path, cause: io::Error) -> ImageError {
+    ImageError::Read { path: path.to_owned(), cause }
+}
+
+fn damaged(path: &Path, failure: Failure) -> ImageError {
+    match failure {
+        Failure::System(cause) => unreadable(path, cause),
+        Failure::Library(reason) => ImageError::Damaged { path: path.to_owned(), reason },
+    }
+}
+
+/// Layers being put together from the channels of a file.
+#[derive(Default)]
+struct Layers(BTreeMap<String, Layer>);
+
+impl Layers {
+    /// Adds the channels of a part, whose pixels have them side by side.
+    fn add(&mut self, part: &str, names: &[String], pixels: &[f32]) -> Result<(), String> {
+        let mut channels_of: BTreeMap<String, Vec<(&str, usize)>> = BTreeMap::new();
+        for (index, name) in names.iter().enumerate() {
+            let (layer, channel) = name.rsplit_once('.').unwrap_or(("", name));
+            channels_of.entry(qualified(part, layer)).or_default().push((channel, index));
+        }
+        for (name, mut channels) in channels_of {
+            channels.sort_by(|(a, _), (b, _)| conventional_order(a, b));
+            let data = pixels
+                .chunks_exact(names.len())
+                .flat_map(|pixel| channels.iter().map(|&(_, index)| pixel[index]))
+                .collect();
+            let channels: Vec<_> = channels.into_iter().map(|(channel, _)| channel).collect();
+            let layer = Layer::new(name.clone(), &channels, data);
+            if self.0.insert(name, layer).is_some() {
+                return Err("two parts have the same layer".to_owned());
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Vec<Layer> {
+        self.0.into_values().collect()
+    }
+}
+
+/// Name of a layer of a part, which may have the part's name already.
+fn qualified(part: &str, layer: &str) -> String {
+    let has_it = layer.strip_prefix(part).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
+    match (part, layer) {
+        ("", _) => layer.to_owned(),
+        _ if has_it => layer.to_owned(),
+        (_, "") => part.to_owned(),
+        _ => format!("{part}.{layer}"),
+    }
+}
+
+/// R, G, B, A; then others by name, among them X, Y, Z.
+fn conventional_order(a: &str, b: &str) -> Ordering {
+    let rank = |channel: &str| ["R", "G", "B", "A"].iter().position(|&name| name == channel).unwrap_or(4);
+    rank(a).cmp(&rank(b)).then_with(|| a.cmp(b))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn layers_are_named_after_parts_only_once() {
+        assert_eq!(qualified("", ""), "");
+        assert_eq!(qualified("", "depth"), "depth");
+        assert_eq!(qualified("beauty", ""), "beauty");
+        assert_eq!(qualified("beauty", "beauty"), "beauty");
+        assert_eq!(qualified("left", "left.depth"), "left.depth");
+        assert_eq!(qualified("left", "leftover"), "left.leftover");
+    }
+
+    #[test]
+    fn channels_are_in_the_usual_order() {
+        let names = ["A", "B", "Z.B", "G", "Z.A", "R", "Z.R"].map(str::to_owned);
+        let mut layers = Layers::default();
+        layers.add("", &names, &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]).expect("no name twice");
+        let expected = [
+            Layer::new("", &["R", "G", "B", "A"], vec![5.0, 3.0, 1.0, 0.0]),
+            Layer::new("Z", &["R", "B", "A"], vec![6.0, 2.0, 4.0]),
+        ];
+        assert_eq!(layers.finish(), expected);
+    }
+
+    #[test]
+    fn same_layer_in_two_parts_is_an_error() {
+        let mut layers = Layers::default();
+        layers.add("a", &["R".to_owned()], &[0.0]).expect("new");
+        layers.add("", &["a.R".to_owned()], &[0.0]).expect_err("not new");
+    }
+}

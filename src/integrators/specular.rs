@@ -1,0 +1,71 @@
+//! Specular reflection and refraction seen from the camera: the second integral of eq. (2), by recursion.
+
+use crate::bsdf::TransportMode;
+use crate::math::{Ray, Rgb};
+use crate::media::MediumId;
+use crate::sampling::SampleStream;
+use crate::scene::{Scene, Shading, SurfaceInteraction};
+
+/// A path that has met only specular surfaces so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Branch {
+    pub ray: Ray,
+    pub throughput: Rgb,
+    pub medium: MediumId,
+    /// Surfaces met before.
+    pub depth: u32,
+    /// Share of the camera sample that this branch carries: products of Fresnel terms where paths were split.
+    pub share: f32,
+}
+
+/// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
+const SPLIT_DEPTH: u32 = 3;
+
+/// A branch that would carry less than this is not split off but drawn with its probability.
+const SMALLEST_SHARE: f32 = 0.02;
+
+/// Pushes what continues from a specular surface. Both ways at an interface while the branch matters, otherwise one,
+/// drawn with the Fresnel term as probability.
+pub(super) fn push_children(
+    branches: &mut Vec<Branch>,
+    parent: &Branch,
+    scene: &Scene,
+    hit: &SurfaceInteraction,
+    shading: &Shading,
+    samples: &mut SampleStream,
+) {
+    let reflectance = shading.bsdf.reflection_probability(shading.wo_local);
+    let smaller = parent.share * reflectance.min(1.0 - reflectance);
+    if parent.depth < SPLIT_DEPTH && smaller > SMALLEST_SHARE {
+        // Zero chooses reflection, the largest number refraction.
+        for (u, share) in [(0.0, reflectance), (crate::sampling::ONE_MINUS_EPSILON, 1.0 - reflectance)] {
+            push(branches, parent, scene, hit, shading, (u, share));
+        }
+    } else {
+        push(branches, parent, scene, hit, shading, (samples.next_1d(), 1.0));
+    }
+}
+
+fn push(
+    branches: &mut Vec<Branch>,
+    parent: &Branch,
+    scene: &Scene,
+    hit: &SurfaceInteraction,
+    shading: &Shading,
+    (u, share): (f32, f32),
+) {
+    let Some(sample) = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance) else {
+        return;
+    };
+    let direction = shading.frame.to_world(sample.wi);
+    let Some(medium) = scene.medium_after(parent.medium, hit, shading, direction, sample.transmission) else {
+        return;
+    };
+    branches.push(Branch {
+        ray: hit.spawn(direction),
+        throughput: parent.throughput * sample.throughput * share,
+        medium,
+        depth: parent.depth + 1,
+        share: parent.share * share,
+    });
+}

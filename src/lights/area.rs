@@ -1,0 +1,163 @@
+use super::LightSample;
+use crate::embree::SurfacePoint;
+use crate::math::rounding::UNIT_ROUNDOFF;
+use crate::math::{Rgb, unit_f64};
+use crate::sampling::Distribution1D;
+use crate::shapes::EmitterShape;
+use glam::{DVec3, Vec2, Vec3};
+
+/// A surface that emits the same radiance from every point in every direction on its side.
+#[derive(Clone, Debug)]
+pub struct AreaLight {
+    /// One exact shape, or the triangles of a mesh by primitive number.
+    pieces: Vec<EmitterShape>,
+    /// Pieces in proportion to their area.
+    choice: Distribution1D,
+    radiance: Rgb,
+    two_sided: bool,
+    /// Emits on the side opposite to the shape's own normal.
+    flip_normal: bool,
+    /// Radius of the largest piece: what rounding errors near it scale with.
+    extent: f32,
+}
+
+/// Where a photon leaves an area light.
+#[derive(Clone, Copy, Debug)]
+pub struct EmissionStart {
+    /// Position on the surface.
+    pub position: Vec3,
+    /// Unit normal on the side that emits here.
+    pub normal: Vec3,
+    /// One over the density of the start per area (and side).
+    pub area_over_pdf: f32,
+    offset: f32,
+}
+
+impl EmissionStart {
+    /// The position moved off the surface to the side of `direction`.
+    pub fn off_surface(&self, direction: Vec3) -> Vec3 {
+        self.position + self.normal * self.offset.copysign(direction.dot(self.normal))
+    }
+}
+
+impl AreaLight {
+    /// A light of these pieces (one for an exact shape, one for each triangle of a mesh). `None` where there is none.
+    pub fn new(
+        pieces: Vec<EmitterShape>,
+        radiance: Rgb,
+        two_sided: bool,
+        flip_normal: bool,
+    ) -> Option<Self> {
+        let choice = Distribution1D::new(pieces.iter().map(EmitterShape::area))?;
+        let extent = pieces.iter().map(|piece| piece.bounds().radius()).fold(0.0, f64::max) as f32;
+        Some(Self { pieces, choice, radiance, two_sided, flip_normal, extent })
+    }
+
+    /// Radiance it emits.
+    pub fn radiance(&self) -> Rgb {
+        self.radiance
+    }
+
+    /// Area of all pieces, one side.
+    pub fn area(&self) -> f64 {
+        self.choice.total()
+    }
+
+    /// Radiance seen from the `front` (the side of the surface's normal, after flipping) or the back.
+    pub fn emitted(&self, front: bool) -> Rgb {
+        if front || self.two_sided { self.radiance } else { Rgb::ZERO }
+    }
+
+    /// Flux per channel: `pi L A`, from each side that emits.
+    pub fn flux(&self) -> DVec3 {
+        let sides = if self.two_sided { 2.0 } else { 1.0 };
+        self.radiance.as_dvec3() * (std::f64::consts::PI * self.area() * sides)
+    }
+
+    /// True where directions to it are drawn by solid angle.
+    pub fn is_sampled_by_solid_angle(&self) -> bool {
+        matches!(self.pieces.as_slice(), [EmitterShape::Sphere(_) | EmitterShape::Quad(_)])
+    }
+
+    /// A point of the surface.
+    pub fn a_point(&self) -> Vec3 {
+        self.sample_start(Vec2::splat(0.5)).off_surface_towards_normal()
+    }
+
+    pub(super) fn sample_li(&self, from: Vec3, u: Vec2) -> Option<LightSample> {
+        let (piece, probability, u) = self.choose(u);
+        let reference = from.as_dvec3();
+        let sample = self.pieces[piece].sample_solid_angle(reference, u)?;
+        let to_light = sample.position - reference;
+        let normal = if self.flip_normal { -sample.normal } else { sample.normal };
+        let radiance = self.emitted(to_light.dot(normal) < 0.0);
+        if radiance == Rgb::ZERO {
+            return None;
+        }
+        let pdf = sample.pdf_solid_angle * probability;
+        let wi = unit_f64(to_light)?.as_vec3();
+        let start = start_at(sample.position, normal, self.extent);
+        Some(LightSample {
+            wi,
+            radiance_over_pdf: radiance / pdf,
+            pdf_solid_angle: pdf,
+            target: Some(start.off_surface(-wi)),
+            distance: to_light.length() as f32,
+        })
+        .filter(|sample| sample.radiance_over_pdf.is_finite())
+    }
+
+    /// Density per solid angle with which [`super::Light::sample_li`] draws, from `from`, the direction to `position` on
+    /// primitive `primitive` of the surface.
+    pub fn pdf_solid_angle(&self, from: Vec3, primitive: u32, position: Vec3) -> f32 {
+        let piece = if self.pieces.len() == 1 { 0 } else { primitive as usize };
+        let Some(shape) = self.pieces.get(piece) else { return 0.0 };
+        self.choice.probability(piece) * shape.pdf_solid_angle(from.as_dvec3(), position.as_dvec3())
+    }
+
+    /// Draws where a photon leaves: uniform over the area, and over the sides where both emit.
+    pub fn sample_start(&self, u: Vec2) -> EmissionStart {
+        let (side, u) = if self.two_sided {
+            let doubled = u.x * 2.0;
+            (doubled >= 1.0, Vec2::new(doubled.fract(), u.y))
+        } else {
+            (false, u)
+        };
+        let (piece, probability, u) = self.choose(u);
+        let sample = self.pieces[piece].sample_area(u);
+        let normal = if self.flip_normal != side { -sample.normal } else { sample.normal };
+        let sides = if self.two_sided { 2.0 } else { 1.0 };
+        EmissionStart {
+            area_over_pdf: sides / (sample.pdf_area * probability),
+            ..start_at(sample.position, normal, self.extent)
+        }
+    }
+
+    fn choose(&self, u: Vec2) -> (usize, f32, Vec2) {
+        if self.pieces.len() == 1 {
+            return (0, 1.0, u);
+        }
+        let (piece, probability, rest) = self.choice.sample(u.x);
+        (piece, probability, Vec2::new(rest, u.y))
+    }
+}
+
+impl EmissionStart {
+    fn off_surface_towards_normal(&self) -> Vec3 {
+        self.off_surface(self.normal)
+    }
+}
+
+/// A point computed in `f64` on the light, with the bound of [`crate::embree::SurfacePoint`] on its rounding.
+fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
+    // Wide enough for triangles as well, which Embree tests in f32 after moving their corners to the ray's origin.
+    let error = (position.abs().as_vec3() + Vec3::splat(2.0 * extent)) * (4.0 * UNIT_ROUNDOFF);
+    let point = SurfacePoint { position, error, normal, uv: Vec2::ZERO };
+    let (rounded, n) = (point.position.as_vec3(), point.normal.as_vec3());
+    EmissionStart {
+        position: rounded,
+        normal: n,
+        area_over_pdf: 0.0,
+        offset: 2.0 * n.abs().dot(point.error + rounded.abs() * UNIT_ROUNDOFF),
+    }
+}

@@ -1,0 +1,156 @@
+//! Lights: what they send to a point, and what they emit.
+//!
+//! Every light answers two questions: which light arrives at a point ([`Light::sample_li`], for shadow rays), and how
+//! photons leave it (`photons::emission`, from the numbers kept here). All quantities in render space: radiance
+//! carries the power factor of [`crate::scene::RenderSpace`], flux the squared length scale as well.
+
+mod area;
+
+pub use area::{AreaLight, EmissionStart};
+
+use crate::math::{Rgb, unit};
+use crate::sampling::warp;
+use glam::{DVec3, Vec2, Vec3};
+use std::f32::consts::PI;
+
+/// Index of a light in its scene.
+pub type LightId = u32;
+
+/// A light.
+#[derive(Clone, Debug)]
+pub enum Light {
+    /// A surface that emits.
+    Area(AreaLight),
+    /// Equal intensity in all directions from one point.
+    Point(PointLight),
+    /// Parallel light.
+    Directional(DirectionalLight),
+    /// The same radiance from everywhere outside.
+    Environment(EnvironmentLight),
+}
+
+/// Equal intensity in all directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLight {
+    /// Position.
+    pub position: Vec3,
+    /// Radiant intensity, flux per solid angle.
+    pub intensity: Rgb,
+}
+
+/// Parallel light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionalLight {
+    /// Direction in which the light travels, unit length.
+    pub direction: Vec3,
+    /// Irradiance of a surface perpendicular to the light.
+    pub irradiance: Rgb,
+}
+
+/// The same radiance from every direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EnvironmentLight {
+    /// Radiance.
+    pub radiance: Rgb,
+}
+
+/// A direction from which light may arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Unit direction to the light.
+    pub wi: Vec3,
+    /// Radiance along `wi` over its density per solid angle, visibility not considered; for a point or parallel light
+    /// what arrives at a surface perpendicular to it. Contains no cosine at the receiver.
+    pub radiance_over_pdf: Rgb,
+    /// Density of `wi` per solid angle; infinite for a point or parallel light.
+    pub pdf_solid_angle: f32,
+    /// Where a shadow ray ends, already off the light's surface; `None` for light from infinity.
+    pub target: Option<Vec3>,
+    /// Distance to the light; infinite for light from infinity.
+    pub distance: f32,
+}
+
+impl Light {
+    /// Draws a direction from which the light reaches `from`. `bounds` is the sphere around the scene. `None` where
+    /// this `u` sends nothing there.
+    pub fn sample_li(&self, from: Vec3, bounds: (Vec3, f32), u: Vec2) -> Option<LightSample> {
+        match self {
+            Self::Area(area) => area.sample_li(from, u),
+            Self::Point(point) => {
+                let to_light = point.position - from;
+                let wi = unit(to_light)?;
+                let distance = to_light.length();
+                Some(LightSample {
+                    wi,
+                    radiance_over_pdf: point.intensity / (distance * distance),
+                    pdf_solid_angle: f32::INFINITY,
+                    target: Some(point.position),
+                    distance,
+                })
+                .filter(|sample| sample.radiance_over_pdf.is_finite())
+            }
+            Self::Directional(sun) => Some(LightSample {
+                wi: -sun.direction,
+                radiance_over_pdf: sun.irradiance,
+                pdf_solid_angle: f32::INFINITY,
+                target: None,
+                distance: travel_in_scene(from, bounds),
+            }),
+            Self::Environment(environment) => Some(LightSample {
+                wi: warp::square_to_sphere(u),
+                radiance_over_pdf: environment.radiance * (4.0 * PI),
+                pdf_solid_angle: 1.0 / (4.0 * PI),
+                target: None,
+                distance: travel_in_scene(from, bounds),
+            }),
+        }
+    }
+
+    /// Flux, per channel, that the light sends into a scene whose bounding sphere has this radius.
+    pub fn flux(&self, scene_radius: f32) -> DVec3 {
+        let disc = f64::from(PI) * f64::from(scene_radius) * f64::from(scene_radius);
+        match self {
+            Self::Area(area) => area.flux(),
+            Self::Point(point) => point.intensity.as_dvec3() * (4.0 * std::f64::consts::PI),
+            Self::Directional(sun) => sun.irradiance.as_dvec3() * disc,
+            Self::Environment(environment) => environment.radiance.as_dvec3() * (f64::from(4.0 * PI) * disc),
+        }
+    }
+
+    /// True where no ray hits the light by chance.
+    pub fn is_delta(&self) -> bool {
+        matches!(self, Self::Point(_) | Self::Directional(_))
+    }
+
+    /// True for light from everywhere outside.
+    pub fn is_environment(&self) -> bool {
+        matches!(self, Self::Environment(_))
+    }
+
+    /// True where the density of [`Self::sample_li`] may be far from the light's contribution, so that light sampling
+    /// alone would be noisy: light from all around, and shapes sampled by area, at whose foot the contribution of a
+    /// sample is unbounded.
+    pub fn needs_bsdf_sampling(&self) -> bool {
+        match self {
+            Self::Area(area) => !area.is_sampled_by_solid_angle(),
+            Self::Point(_) | Self::Directional(_) => false,
+            Self::Environment(_) => true,
+        }
+    }
+
+    /// A point of the light, or outside everything for light from infinity: where its medium is looked up.
+    pub fn a_point(&self) -> Vec3 {
+        match self {
+            Self::Area(area) => area.a_point(),
+            Self::Point(point) => point.position,
+            // Render space fits the unit sphere.
+            Self::Directional(sun) => sun.direction * -10.0,
+            Self::Environment(_) => Vec3::new(0.0, 10.0, 0.0),
+        }
+    }
+}
+
+/// Longest way that light from infinity can have travelled inside the scene.
+fn travel_in_scene(from: Vec3, (center, radius): (Vec3, f32)) -> f32 {
+    (from - center).length() + radius
+}

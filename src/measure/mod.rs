@@ -1,0 +1,7 @@
+//! How far a picture is from a reference: error figures over plain linear RGB.
+
+mod error;
+mod flip;
+
+pub use error::{ErrorFigures, MeasureError, Picture, Reference};
+pub use flip::{flip_map, mean_flip};

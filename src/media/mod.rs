@@ -1,0 +1,51 @@
+//! What fills the space between surfaces.
+
+use crate::math::Rgb;
+
+/// Index of a medium in its scene; 0 is air.
+pub type MediumId = u32;
+
+/// The medium that fills space where nothing else is said.
+pub const AIR: MediumId = 0;
+
+/// A homogeneous medium that absorbs and does not scatter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Medium {
+    /// Name in the scene file.
+    pub name: String,
+    /// Index of refraction.
+    pub ior: f32,
+    /// Absorption coefficient, per unit of render space.
+    pub absorption: Rgb,
+}
+
+impl Medium {
+    /// Share of the radiance that is left after `distance` in render space: `exp(-sigma_a d)` (Beer-Lambert).
+    #[inline]
+    pub fn transmittance(&self, distance: f32) -> Rgb {
+        let depth = self.absorption * distance;
+        Rgb::new((-depth.x).exp(), (-depth.y).exp(), (-depth.z).exp())
+    }
+
+    /// True where light passes unchanged.
+    #[inline]
+    pub fn is_clear(&self) -> bool {
+        self.absorption == Rgb::ZERO
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn transmittance_over_the_range_of_optical_depth() {
+        let medium = |sigma| Medium { name: String::new(), ior: 1.0, absorption: Rgb::splat(sigma) };
+        for tau in [0.0f64, 1e-6, 0.1, 1.0, 10.0, 80.0] {
+            let t = f64::from(medium(tau as f32).transmittance(1.0).x);
+            assert!((t / (-f64::from(tau as f32)).exp() - 1.0).abs() < 1e-6, "{tau}: {t}");
+        }
+        assert_eq!(medium(700.0).transmittance(1.0), Rgb::ZERO);
+        assert_eq!(medium(0.0).transmittance(f32::MAX), Rgb::ONE);
+    }
+}

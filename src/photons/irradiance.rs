@@ -1,0 +1,186 @@
+use super::estimate::EstimateParams;
+use super::kd_tree::{KdTree, Metric, Point};
+use super::map::{MIN_NORMAL_COS, NearestOne, PhotonMap, Query, Scratch, index_of};
+use super::photon::{Acceptance, PhotonClasses, normal_code};
+use crate::math::{Rgb, Rgbe};
+use crate::sampling::mix;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Points in a leaf: few, since a search wants one.
+const LEAF: usize = 8;
+
+/// Irradiance at some photons of a map, ready to be read by final gather rays (Christensen, "Faster Photon Map Global
+/// Illumination", Journal of Graphics Tools 4(3), 1999).
+///
+/// The points have a tree of their own. 19 bytes a point.
+#[derive(Clone, Debug)]
+pub struct IrradianceMap {
+    tree: KdTree<LEAF>,
+    values: Vec<Rgbe>,
+}
+
+#[derive(Clone, Copy)]
+struct IrradiancePoint {
+    position: Vec3,
+    irradiance: Rgbe,
+    /// Code of the normal, in the bits where a photon's flags have it.
+    normal: u16,
+}
+
+impl Point for IrradiancePoint {
+    fn position(&self) -> Vec3 {
+        self.position
+    }
+
+    fn tag(&self) -> u16 {
+        self.normal
+    }
+
+    fn tie(&self) -> u64 {
+        u64::from(u32::from_be_bytes(self.irradiance.0)) << 16 | u64::from(self.normal)
+    }
+}
+
+impl PhotonMap {
+    /// Estimates the irradiance at every `stride`-th photon, on the side that the photon arrived at.
+    ///
+    /// `template` says how to search; its position and normal are replaced by the photons'. The photon itself takes part
+    /// in the estimate, and has to: a place whose *nearest* point is at distance `d` has no other point within `d`,
+    /// and the photons that are missing for that reason number one on average. Without it the constant kernel
+    /// would be low by `1 / k`.
+    ///
+    /// Values are rounded to [`Rgbe`] at random, free of bias, with 0.2 % RMS error: below the noise of any estimate
+    /// from fewer than 10^5 photons. Deterministic for any number of threads.
+    pub fn precompute_irradiance(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        stride: usize,
+    ) -> IrradianceMap {
+        let stride = stride.max(1);
+        let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
+            .into_par_iter()
+            .map_init(Scratch::default, |scratch, i| {
+                let photon = self.photon(i * stride);
+                let normal = photon.normal();
+                let query = template.at(photon.position, normal);
+                let irradiance = self.estimate_irradiance(&query, params, scratch).value;
+                let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
+                IrradiancePoint {
+                    position: photon.position,
+                    irradiance: Rgbe::encode_dithered(irradiance, dither),
+                    normal: normal_code(normal),
+                }
+            })
+            .collect();
+        let tree = KdTree::build(&mut points);
+        IrradianceMap { tree, values: points.iter().map(|point| point.irradiance).collect() }
+    }
+}
+
+impl IrradianceMap {
+    /// Count of points.
+    pub fn len(&self) -> usize {
+        self.tree.len()
+    }
+
+    /// True where there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Bytes that points and search structure take.
+    pub fn memory_bytes(&self) -> usize {
+        self.tree.memory_bytes() + self.values.capacity() * size_of::<Rgbe>()
+    }
+
+    /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit
+    /// vector `normal` ([`MIN_NORMAL_COS`]); `None` where there is none within `max_radius`.
+    pub fn nearest(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
+        let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
+        let mut visitor = NearestOne::new(max_radius, |_, normal| acceptance.accepts(normal));
+        self.tree.search(&Metric::sphere(position), &mut visitor);
+        visitor.best().map(|key| self.values[index_of(key)].decode())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::photons::{Estimator, Kernel, Photon, PhotonClass};
+    use crate::sampling::{Rng, Stream};
+
+    fn square(count: u64, seed: u64) -> PhotonMap {
+        let photon = |i| {
+            let mut rng = Rng::new(seed, Stream::Measure, i);
+            let u = rng.next_2d();
+            let power = Rgb::new(1.0, 0.5, 0.25);
+            Photon::new(Vec3::new(u.x, 0.0, u.y), power, Vec3::Y, Vec3::Y, PhotonClass::Indirect, 0.0)
+        };
+        PhotonMap::build((0..count).map(photon).collect(), count)
+    }
+
+    fn template(k: usize) -> Query {
+        Query::nearest(Vec3::ZERO, Vec3::Y, k)
+    }
+
+    #[test]
+    fn mean_of_look_ups_is_without_bias() {
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        for stride in [1, 4] {
+            let (mut sum, mut count) = (0.0, 0);
+            for seed in 0..40 {
+                let irradiance = square(20_000, seed).precompute_irradiance(&template(50), &params, stride);
+                assert_eq!(irradiance.len(), 20_000 / stride);
+                let mut rng = Rng::new(seed, Stream::Measure, 1 << 40);
+                for _ in 0..5000 {
+                    let u = rng.next_2d() * 0.7 + 0.15;
+                    let found = irradiance.nearest(Vec3::new(u.x, 0.01, u.y), Vec3::Y, 1.0);
+                    sum += f64::from(found.unwrap().y);
+                    count += 1;
+                }
+            }
+            let mean = sum / f64::from(count) / 0.5;
+            assert!((mean - 1.0).abs() < 0.01, "stride {stride}: {mean}");
+            println!("stride {stride}: {mean}");
+        }
+    }
+
+    #[test]
+    fn rounding_has_no_bias() {
+        let params = EstimateParams { kernel: Kernel::Epanechnikov, estimator: Estimator::Corrected };
+        let map = square(50_000, 3);
+        let irradiance = map.precompute_irradiance(&template(100), &params, 1);
+        let mut scratch = Scratch::default();
+        let (mut exact, mut stored, mut square) = (0.0, 0.0, 0.0);
+        for photon in map.photons() {
+            let query = template(100).at(photon.position, Vec3::Y);
+            let a = f64::from(map.estimate_irradiance(&query, &params, &mut scratch).value.x);
+            let b = f64::from(irradiance.nearest(photon.position, Vec3::Y, 1.0).unwrap().x);
+            exact += a;
+            stored += b;
+            square += (b / a - 1.0).powi(2);
+        }
+        let rms = (square / map.len() as f64).sqrt();
+        println!("ratio {}, rms {rms}", stored / exact);
+        assert!((stored / exact - 1.0).abs() < 1e-4, "{}", stored / exact);
+        assert!(rms < 0.004, "{rms}");
+    }
+
+    #[test]
+    fn sides_and_reach() {
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        let irradiance = square(1000, 0).precompute_irradiance(&template(50), &params, 1);
+        let above = Vec3::new(0.5, 0.2, 0.5);
+        assert!(irradiance.nearest(above, Vec3::Y, f32::INFINITY).is_some());
+        assert!(irradiance.nearest(above, Vec3::NEG_Y, f32::INFINITY).is_none());
+        assert!(irradiance.nearest(above, Vec3::X, f32::INFINITY).is_none());
+        assert!(irradiance.nearest(above, Vec3::Y, 0.1).is_none());
+        assert!(irradiance.nearest(above, Vec3::Y, -1.0).is_none());
+        assert!(irradiance.nearest(Vec3::NAN, Vec3::Y, 1.0).is_none());
+        assert!(irradiance.memory_bytes() < 20 * irradiance.len());
+        let none = PhotonMap::build(Vec::new(), 0).precompute_irradiance(&template(50), &params, 0);
+        assert!(none.is_empty() && none.nearest(above, Vec3::Y, 1.0).is_none());
+    }
+}

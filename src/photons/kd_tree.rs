@@ -1,0 +1,291 @@
+//! A static kd-tree over points, for both the photons of a map and the irradiance precomputed at some of them.
+//!
+//! The reference is the left-balanced tree with one photon a node of Jensen 1996 (after Bentley 1975). This one
+//! keeps its balance, which bounds the depth, and differs in two ways for the sake of caches and vector units:
+//! points sit in full blocks of `L` at the leaves, coordinate by coordinate, and only the splits are nodes. Node
+//! and block indices follow from the counts, so there are no pointers: 8 bytes for each `L` points.
+
+use glam::Vec3;
+use std::cmp::Ordering;
+
+/// What a tree is built of.
+pub(super) trait Point: Copy + Send + Sync {
+    /// Where it is; finite.
+    fn position(&self) -> Vec3;
+    /// Two bytes that searches decide by.
+    fn tag(&self) -> u16;
+    /// All that tells two points at one place apart, so that a tree is a function of the set of its points.
+    fn tie(&self) -> u64;
+}
+
+/// One coordinate splits the points between the blocks left and right of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Node {
+    /// Coordinate that no point on the left exceeds, and the smallest on the right.
+    split: f32,
+    axis: u32,
+}
+
+/// `L` points, coordinate by coordinate, with the tags at hand, as candidates need them at once; places beyond the last point hold NaN, which no search accepts.
+#[derive(Clone, Copy, Debug)]
+struct Block<const L: usize> {
+    x: [f32; L],
+    y: [f32; L],
+    z: [f32; L],
+    tags: [u16; L],
+}
+
+/// Slices shorter than this are split by one thread.
+const PARALLEL_LENGTH: usize = 8192;
+/// Depth of the largest tree: 2^32 points.
+const MAX_DEPTH: usize = 32;
+
+/// A balanced kd-tree with `L` points a leaf.
+#[derive(Clone, Debug)]
+pub(super) struct KdTree<const L: usize> {
+    /// The split between block `i` and block `i + 1`, in order.
+    nodes: Vec<Node>,
+    blocks: Vec<Block<L>>,
+    len: usize,
+    max_coordinate: f32,
+}
+
+/// A subtree that a search has put off.
+#[derive(Clone, Copy)]
+struct Pending {
+    first: u32,
+    count: u32,
+    /// Squared distance to the cell, axis by axis.
+    offsets_squared: [f32; 3],
+    distance_squared: f32,
+}
+
+/// What a search does at a leaf.
+pub(super) trait Visitor<const L: usize> {
+    /// Squared distance beyond which nothing is wanted any more.
+    fn bound(&self) -> f32;
+    /// Takes the squared distances of the points `first..first + L`, NaN where there is none, and their tags.
+    fn visit(&mut self, first: u32, distances_squared: &[f32; L], tags: &[u16; L]);
+}
+
+/// The measure of distance from a query point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Metric {
+    position: Vec3,
+    normal: Vec3,
+    /// Weight of the squared distance along the normal, over and above its share of the Euclidean one.
+    flattening: f32,
+}
+
+impl Metric {
+    /// Euclidean distance from `position`.
+    pub(super) fn sphere(position: Vec3) -> Self {
+        Self { position, normal: Vec3::ZERO, flattening: 0.0 }
+    }
+
+    /// `|v|^2 + (flatness^2 - 1) (v . normal)^2` with `v` from `position`: never less than the Euclidean distance,
+    /// so that a cell too far for that one is too far for this.
+    pub(super) fn disc(position: Vec3, normal: Vec3, flatness: f32) -> Self {
+        Self { position, normal, flattening: flatness * flatness - 1.0 }
+    }
+
+    /// Squared distances to the points of `block`.
+    ///
+    /// The sum runs in the order of the cell distance in [`KdTree::search`]: rounding is monotone, so a cell is
+    /// never measured farther than a point in it, and pruning drops nothing.
+    #[inline]
+    fn distances_squared<const L: usize>(&self, block: &Block<L>) -> [f32; L] {
+        let (p, n) = (self.position, self.normal);
+        let offset = |i: usize| (block.x[i] - p.x, block.y[i] - p.y, block.z[i] - p.z);
+        if self.flattening == 0.0 {
+            return std::array::from_fn(|i| {
+                let (x, y, z) = offset(i);
+                x * x + y * y + z * z
+            });
+        }
+        std::array::from_fn(|i| {
+            let (x, y, z) = offset(i);
+            let height = x * n.x + y * n.y + z * n.z;
+            (x * x + y * y + z * z) + self.flattening * (height * height)
+        })
+    }
+}
+
+impl<const L: usize> KdTree<L> {
+    /// Builds the tree over `points`, all finite and fewer than 2^32, and puts them into its order.
+    ///
+    /// The tree is a function of the set of points: neither their order nor the number of threads matters.
+    pub(super) fn build<P: Point>(points: &mut [P]) -> Self {
+        let count = points.len().div_ceil(L);
+        let mut nodes = vec![Node::default(); count.saturating_sub(1)];
+        let extent = Extent::of(points);
+        split::<P, L>(points, extent, &mut nodes);
+        let blocks = points.chunks(L).map(block_of).collect();
+        let max_coordinate = if points.is_empty() { 0.0 } else { extent.max_coordinate() };
+        Self { nodes, blocks, len: points.len(), max_coordinate }
+    }
+
+    /// Count of points.
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Largest absolute coordinate of any point; zero without points.
+    pub(super) fn max_coordinate(&self) -> f32 {
+        self.max_coordinate
+    }
+
+    /// Position of point `index` in the tree's order.
+    pub(super) fn position(&self, index: usize) -> Vec3 {
+        let (block, lane) = (&self.blocks[index / L], index % L);
+        Vec3::new(block.x[lane], block.y[lane], block.z[lane])
+    }
+
+    /// Tag of point `index` in the tree's order.
+    pub(super) fn tag(&self, index: usize) -> u16 {
+        self.blocks[index / L].tags[index % L]
+    }
+
+    /// Bytes on the heap.
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<Block<L>>()
+    }
+
+    /// Shows `visitor` every leaf that may hold a point within its bound, near ones first.
+    #[inline]
+    pub(super) fn search(&self, metric: &Metric, visitor: &mut impl Visitor<L>) {
+        if self.blocks.is_empty() {
+            return;
+        }
+        let p = metric.position.to_array();
+        let root = Pending {
+            first: 0,
+            count: self.blocks.len() as u32,
+            offsets_squared: [0.0; 3],
+            distance_squared: 0.0,
+        };
+        let mut stack = [root; MAX_DEPTH];
+        let mut height = 0;
+        let mut here = root;
+        loop {
+            while here.count > 1 {
+                let left = here.count.div_ceil(2);
+                let node = self.nodes[(here.first + left - 1) as usize];
+                let axis = (node.axis & 3) as usize;
+                let delta = p[axis] - node.split;
+                let mut far = here;
+                far.offsets_squared[axis] = delta * delta;
+                let [x, y, z] = far.offsets_squared;
+                far.distance_squared = x + y + z;
+                if delta < 0.0 {
+                    (far.first, far.count) = (here.first + left, here.count - left);
+                    here.count = left;
+                } else {
+                    far.count = left;
+                    (here.first, here.count) = (here.first + left, here.count - left);
+                }
+                if far.distance_squared <= visitor.bound() {
+                    stack[height] = far;
+                    height += 1;
+                }
+            }
+            let block = &self.blocks[here.first as usize];
+            visitor.visit(here.first * L as u32, &metric.distances_squared(block), &block.tags);
+            loop {
+                if height == 0 {
+                    return;
+                }
+                height -= 1;
+                here = stack[height];
+                if here.distance_squared <= visitor.bound() {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// Orders `points`, which `extent` bounds, into blocks of `L`, and notes the splits.
+///
+/// The middle block divides along the widest side, unless points with the very same coordinate lie on both sides of
+/// it, as in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of the
+/// wall into cells that overlap, and searches would start in the wrong one. Then the next widest side is tried.
+fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut [Node]) {
+    let count = nodes.len() + 1;
+    if count == 1 {
+        points.sort_unstable_by(everything);
+        return;
+    }
+    let left = count.div_ceil(2);
+    let axes = extent.widest_first();
+    // Where all three are tied, for want of better, the widest.
+    for (attempt, axis) in axes.into_iter().chain([axes[0]]).enumerate() {
+        let (low, middle, _) = points.select_nth_unstable_by(left * L, |a, b| {
+            a.position()[axis].total_cmp(&b.position()[axis]).then_with(|| everything(a, b))
+        });
+        let split = middle.position()[axis];
+        let low_extent = Extent::of(low);
+        if low_extent.high[axis] < split || attempt == 3 {
+            let (low, high) = points.split_at_mut(left * L);
+            let (low_nodes, rest) = nodes.split_at_mut(left - 1);
+            let (node, high_nodes) = rest.split_at_mut(1);
+            node[0] = Node { split, axis: axis as u32 };
+            let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes);
+            let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes);
+            if count * L > PARALLEL_LENGTH {
+                rayon::join(split_low, split_high);
+            } else {
+                split_low();
+                split_high();
+            }
+            return;
+        }
+    }
+}
+
+/// The box around some points.
+#[derive(Clone, Copy)]
+struct Extent {
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Extent {
+    fn of<P: Point>(points: &[P]) -> Self {
+        points.iter().fold(Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }, |extent, point| Self {
+            low: extent.low.min(point.position()),
+            high: extent.high.max(point.position()),
+        })
+    }
+
+    /// The axes, that of the widest side first; of equal ones the lowest.
+    fn widest_first(&self) -> [usize; 3] {
+        let sides = self.high - self.low;
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&a, &b| sides[b].total_cmp(&sides[a]));
+        axes
+    }
+
+    fn max_coordinate(&self) -> f32 {
+        self.low.abs().max(self.high.abs()).max_element()
+    }
+}
+
+/// A total order of points by all they have.
+fn everything<P: Point>(a: &P, b: &P) -> Ordering {
+    let (p, q) = (a.position(), b.position());
+    p.x.total_cmp(&q.x)
+        .then_with(|| p.y.total_cmp(&q.y))
+        .then_with(|| p.z.total_cmp(&q.z))
+        .then_with(|| a.tie().cmp(&b.tie()))
+}
+
+fn block_of<P: Point, const L: usize>(points: &[P]) -> Block<L> {
+    let mut block = Block { x: [f32::NAN; L], y: [f32::NAN; L], z: [f32::NAN; L], tags: [0; L] };
+    for (lane, point) in points.iter().enumerate() {
+        let p = point.position();
+        (block.x[lane], block.y[lane], block.z[lane]) = (p.x, p.y, p.z);
+        block.tags[lane] = point.tag();
+    }
+    block
+}

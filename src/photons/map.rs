@@ -1,0 +1,496 @@
+use super::SearchRegion;
+use super::kd_tree::{KdTree, Metric, Point, Visitor};
+use super::photon::{Acceptance, Payload, Photon, PhotonClass, PhotonClasses};
+use crate::math::Rgb;
+use glam::Vec3;
+
+/// Points in a leaf.
+pub(super) const LEAF: usize = 16;
+
+/// How many times the ellipsoid of [`SearchRegion::Disc`] is wider than high.
+///
+/// It keeps photons of a parallel surface out of an estimate whose radius is below four times the distance, and on a
+/// surface of curvature radius `R` it shortens distances `r` by the factor `1 / sqrt(1 + 4 (r / R)^2)` against a
+/// flat one: 2 % at `r = R / 10`.
+pub const DISC_FLATNESS: f32 = 4.0;
+
+/// Least cosine between the normals of a photon and of the place that is looked up: 45 degrees, as for the brick maps
+/// of Christensen & Batali 2004, and four more for the rounding of a stored normal ([`super::NORMAL_ERROR`]),
+/// so that rounding never rejects a photon that agrees within 45 degrees.
+pub const MIN_NORMAL_COS: f32 = 0.656;
+
+/// Which photons are wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct Query {
+    /// Centre of the search, render space.
+    pub position: Vec3,
+    /// Unit geometric normal on the side that is looked at. Photons that arrived on the other side, or at a surface
+    /// that faces elsewhere ([`Self::min_normal_cos`]), are rejected and do not count towards [`Self::k`].
+    pub normal: Vec3,
+    /// Photons farther than this are not found; may be infinite.
+    pub max_radius: f32,
+    /// How many of the nearest photons are wanted; `usize::MAX` for all within the radius.
+    pub k: usize,
+    /// Shape of the neighbourhood, by which distances are measured.
+    pub region: SearchRegion,
+    /// Least cosine between [`Self::normal`] and the normal stored with a photon.
+    pub min_normal_cos: f32,
+    /// Classes of photons that are wanted.
+    pub classes: PhotonClasses,
+}
+
+impl Query {
+    /// The `k` nearest photons that carry light, at whatever distance, in a sphere.
+    pub fn nearest(position: Vec3, normal: Vec3, k: usize) -> Self {
+        Self {
+            position,
+            normal,
+            max_radius: f32::INFINITY,
+            k,
+            region: SearchRegion::Sphere,
+            min_normal_cos: MIN_NORMAL_COS,
+            classes: PhotonClasses::LIGHT,
+        }
+    }
+
+    /// All photons within `radius` that carry light.
+    pub fn within(position: Vec3, normal: Vec3, radius: f32) -> Self {
+        Self { max_radius: radius, ..Self::nearest(position, normal, usize::MAX) }
+    }
+
+    /// The same query at another place.
+    pub fn at(&self, position: Vec3, normal: Vec3) -> Self {
+        Self { position, normal, ..*self }
+    }
+
+    fn metric(&self) -> Metric {
+        match self.region {
+            SearchRegion::Sphere => Metric::sphere(self.position),
+            SearchRegion::Disc => Metric::disc(self.position, self.normal, DISC_FLATNESS),
+        }
+    }
+}
+
+/// Memory that searches use again and again; one for each thread.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    /// Squared distance in the high half, index in the low one: integers in the order of distance.
+    keys: Vec<u64>,
+}
+
+/// What a search found.
+#[derive(Clone, Copy, Debug)]
+pub struct Neighbours<'a> {
+    keys: &'a [u64],
+    complete: bool,
+}
+
+impl<'a> Neighbours<'a> {
+    /// Count of photons found.
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// True where nothing was found.
+    pub fn is_empty(&self) -> bool {
+        self.keys.is_empty()
+    }
+
+    /// Whether all `k` were found, rather than fewer within the radius.
+    pub fn is_complete(&self) -> bool {
+        self.complete
+    }
+
+    /// Index of each photon in the map and its squared distance, in an order that only the map and the query decide.
+    /// The farthest is last.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (usize, f32)> + 'a {
+        self.keys.iter().map(|&key| (index_of(key), distance_squared_of(key)))
+    }
+
+    /// Squared distance of the farthest, zero where nothing was found.
+    pub fn farthest_squared(&self) -> f32 {
+        self.keys.last().map_or(0.0, |&key| distance_squared_of(key))
+    }
+}
+
+#[inline]
+fn key_of(index: u32, distance_squared: f32) -> u64 {
+    u64::from(distance_squared.to_bits()) << 32 | u64::from(index)
+}
+
+#[inline]
+pub(super) fn index_of(key: u64) -> usize {
+    (key & 0xffff_ffff) as usize
+}
+
+#[inline]
+fn distance_squared_of(key: u64) -> f32 {
+    f32::from_bits((key >> 32) as u32)
+}
+
+/// Photons where they landed, searchable by position (Jensen 1996, section 3).
+///
+/// Immutable, and free of geometry: a position, a normal and a radius are all it asks for. It is a function of the *set*
+/// of its photons: the order in which they come, and the threads that build it, change no bit.
+#[derive(Clone, Debug)]
+pub struct PhotonMap {
+    tree: KdTree<LEAF>,
+    payloads: Vec<Payload>,
+    emitted: u64,
+    dropped: u64,
+}
+
+impl Point for Photon {
+    #[inline]
+    fn position(&self) -> Vec3 {
+        self.position
+    }
+
+    #[inline]
+    fn tag(&self) -> u16 {
+        self.flags()
+    }
+
+    #[inline]
+    fn tie(&self) -> u64 {
+        self.payload_bits()
+    }
+}
+
+impl PhotonMap {
+    /// A map of `photons`, which `emitted` photons sent out from the lights have left.
+    ///
+    /// Photons without a finite position are left out and counted in [`Self::dropped`].
+    ///
+    /// # Panics
+    /// With 2^32 photons or more, which would take 86 GB.
+    pub fn build(mut photons: Vec<Photon>, emitted: u64) -> Self {
+        let given = photons.len();
+        photons.retain(|photon| photon.position.is_finite());
+        assert!(u32::try_from(photons.len() + LEAF).is_ok(), "a photon map holds less than 2^32 photons");
+        let dropped = (given - photons.len()) as u64;
+        let tree = KdTree::build(&mut photons);
+        let payloads = photons.iter().map(Photon::payload).collect();
+        Self { tree, payloads, emitted, dropped }
+    }
+
+    /// The map of the photons of all `maps`, whose passes emitted the sum of their counts.
+    ///
+    /// The maps must come from passes over the same lights that differ in their random numbers only: each is then
+    /// an estimate of the same flux, and so is the whole. Equal, bit by bit, to a map built of all photons at once.
+    pub fn merge<'a>(maps: impl IntoIterator<Item = &'a Self>) -> Self {
+        let (mut photons, mut emitted, mut dropped) = (Vec::new(), 0u64, 0u64);
+        for map in maps {
+            photons.extend((0..map.len()).map(|index| map.photon(index)));
+            emitted = emitted.saturating_add(map.emitted);
+            dropped += map.dropped;
+        }
+        Self { dropped, ..Self::build(photons, emitted) }
+    }
+
+    /// Count of photons stored.
+    pub fn len(&self) -> usize {
+        self.tree.len()
+    }
+
+    /// True where no photon is stored.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Count of photons that the lights emitted, by which estimates divide. With zero all estimates are zero.
+    pub fn emitted(&self) -> u64 {
+        self.emitted
+    }
+
+    /// Count of photons that were not stored because their position was not finite.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Photon `index`, in the map's own order.
+    pub fn photon(&self, index: usize) -> Photon {
+        Photon::from_parts(self.tree.position(index), self.tree.tag(index), self.payloads[index])
+    }
+
+    /// All photons, in the map's own order.
+    pub fn photons(&self) -> impl ExactSizeIterator<Item = Photon> {
+        (0..self.len()).map(|index| self.photon(index))
+    }
+
+    /// Bytes that the photons and the search structure take.
+    pub fn memory_bytes(&self) -> usize {
+        self.tree.memory_bytes() + self.payloads.capacity() * size_of::<Payload>()
+    }
+
+    /// Sum of the flux of all photons that carry light, divided by the count of emitted ones: watts for each channel.
+    pub fn total_flux(&self) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for photon in self.photons().filter(|photon| photon.class() != PhotonClass::Shadow) {
+            let power = photon.power().as_dvec3();
+            (0..3).for_each(|channel| sum[channel] += power[channel]);
+        }
+        sum.map(|channel| channel * self.per_emitted())
+    }
+
+    /// `1 / emitted`, or zero where nothing was.
+    pub(super) fn per_emitted(&self) -> f64 {
+        if self.emitted == 0 { 0.0 } else { 1.0 / self.emitted as f64 }
+    }
+
+    pub(super) fn payload(&self, index: usize) -> &Payload {
+        &self.payloads[index]
+    }
+
+    pub(super) fn power(&self, index: usize) -> Rgb {
+        self.payloads[index].power()
+    }
+
+    /// Radius below which distances are rounding noise: eight times the spacing of `f32` at the largest coordinate
+    /// of the map or the query.
+    pub(super) fn least_radius(&self, position: Vec3) -> f32 {
+        let largest = self.tree.max_coordinate().max(position.abs().max_element());
+        // 1e-18 keeps the square within the normal range for a map that sits at the origin.
+        (8.0 * f32::EPSILON * largest).max(1e-18)
+    }
+
+    /// The photons that `query` asks for. Allocates only while `scratch` has not yet seen a search of this size.
+    ///
+    /// Exact: the result equals that of comparing all photons by squared distance as `f32` computes it, ties going
+    /// to the lower index.
+    pub fn search<'a>(&self, query: &Query, scratch: &'a mut Scratch) -> Neighbours<'a> {
+        let accept = Acceptance::new(query.normal, query.min_normal_cos, query.classes);
+        let mut collector = Collector {
+            keys: &mut scratch.keys,
+            len: 0,
+            k: query.k.min(self.len()).max(1),
+            bound: if query.max_radius >= 0.0 { query.max_radius * query.max_radius } else { -1.0 },
+            accept,
+        };
+        if query.k > 0 {
+            self.tree.search(&query.metric(), &mut collector);
+        }
+        let len = collector.finish();
+        Neighbours { keys: &scratch.keys[..len], complete: len > 0 && len == query.k }
+    }
+
+    /// The nearest photon that `query` accepts and `accept` too, and its squared distance. [`Query::k`] is ignored.
+    pub fn nearest_one(&self, query: &Query, accept: impl Fn(&Photon) -> bool) -> Option<(usize, f32)> {
+        let acceptance = Acceptance::new(query.normal, query.min_normal_cos, query.classes);
+        let mut visitor = NearestOne::new(query.max_radius, |index: usize, flags| {
+            acceptance.accepts(flags) && accept(&self.photon(index))
+        });
+        self.tree.search(&query.metric(), &mut visitor);
+        visitor.best().map(|key| (index_of(key), distance_squared_of(key)))
+    }
+}
+
+/// Keeps the `k` nearest accepted points in a flat buffer of some more than `2 k`: once full, a selection in linear
+/// time leaves `k` and tells the new bound. A heap would cost a logarithm at each photon.
+struct Collector<'a> {
+    keys: &'a mut Vec<u64>,
+    len: usize,
+    k: usize,
+    bound: f32,
+    accept: Acceptance,
+}
+
+impl Collector<'_> {
+    fn shrink(&mut self) {
+        let (_, &mut kth, _) = self.keys[..self.len].select_nth_unstable(self.k - 1);
+        self.bound = distance_squared_of(kth);
+        self.len = self.k;
+    }
+
+    /// Leaves the `k` nearest, the farthest last; their count.
+    fn finish(mut self) -> usize {
+        if self.len > self.k {
+            self.shrink();
+        } else if self.len > 1 {
+            let last = self.len - 1;
+            self.keys[..self.len].select_nth_unstable(last);
+        }
+        self.len
+    }
+}
+
+impl Visitor<LEAF> for Collector<'_> {
+    #[inline]
+    fn bound(&self) -> f32 {
+        self.bound
+    }
+
+    #[inline]
+    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], tags: &[u16; LEAF]) {
+        if self.keys.len() < self.len + LEAF {
+            self.keys.resize(2 * (self.len + LEAF), 0);
+        }
+        // Without branches: every key is written, and the next overwrites those not wanted.
+        let out = &mut self.keys[self.len..self.len + LEAF];
+        let mut near = 0;
+        for (lane, &distance_squared) in distances_squared.iter().enumerate() {
+            out[near] = key_of(first + lane as u32, distance_squared);
+            near += usize::from(distance_squared <= self.bound);
+        }
+        let mut accepted = 0;
+        for i in 0..near {
+            let key = out[i];
+            out[accepted] = key;
+            accepted += usize::from(self.accept.accepts(tags[index_of(key) % LEAF]));
+        }
+        self.len += accepted;
+        if self.len >= 2 * self.k + LEAF {
+            self.shrink();
+        }
+    }
+}
+
+/// Keeps the nearest accepted point.
+pub(super) struct NearestOne<F> {
+    best: u64,
+    bound: f32,
+    accept: F,
+}
+
+/// No point has this key: its distance is not a number.
+const NO_KEY: u64 = u64::MAX;
+
+impl<F> NearestOne<F> {
+    /// Looks within `max_radius`, of which a negative one contains nothing, for what `accept` takes.
+    pub(super) fn new(max_radius: f32, accept: F) -> Self {
+        let bound = if max_radius >= 0.0 { max_radius * max_radius } else { -1.0 };
+        Self { best: NO_KEY, bound, accept }
+    }
+
+    /// Key of the nearest.
+    pub(super) fn best(&self) -> Option<u64> {
+        (self.best != NO_KEY).then_some(self.best)
+    }
+}
+
+impl<const L: usize, F: Fn(usize, u16) -> bool> Visitor<L> for NearestOne<F> {
+    #[inline]
+    fn bound(&self) -> f32 {
+        self.bound
+    }
+
+    #[inline]
+    fn visit(&mut self, first: u32, distances_squared: &[f32; L], tags: &[u16; L]) {
+        for (lane, &distance_squared) in distances_squared.iter().enumerate() {
+            if distance_squared <= self.bound {
+                let key = key_of(first + lane as u32, distance_squared);
+                if key < self.best && (self.accept)(index_of(key), tags[lane]) {
+                    self.best = key;
+                    self.bound = distance_squared;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream, warp};
+    use proptest::prelude::*;
+
+    fn photon_at(position: Vec3, normal: Vec3, rng: &mut Rng) -> Photon {
+        let class = if rng.next_f32() < 0.1 { PhotonClass::Shadow } else { PhotonClass::Indirect };
+        Photon::new(position, Rgb::new(1.0, 0.5, rng.next_f32()), normal, normal, class, rng.next_f32())
+    }
+
+    /// Points as photons come, and as they should not: in space, on axis-aligned planes, on lines, at few places, at one.
+    fn photons_of(kind: u32, count: usize, seed: u64) -> Vec<Photon> {
+        let mut rng = Rng::new(seed, Stream::Measure, 0);
+        (0..count)
+            .map(|i| {
+                let u = Vec3::new(rng.next_f32(), rng.next_f32(), rng.next_f32());
+                let axes = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z];
+                let side = (rng.next_u64() % 6) as usize;
+                let (position, normal) = match kind {
+                    0 => (u, warp::square_to_sphere(rng.next_2d())),
+                    1 => (axes[side] + u - u * axes[side].abs(), axes[side]),
+                    2 => (Vec3::X * u.x, Vec3::Y),
+                    3 => ((u * 3.0).floor(), axes[side]),
+                    4 => (Vec3::ONE, axes[side]),
+                    _ => (Vec3::splat(i as f32), Vec3::Z),
+                };
+                photon_at(position, normal, &mut rng)
+            })
+            .collect()
+    }
+
+    /// All keys that `query` accepts, by comparing every photon.
+    fn brute_force(map: &PhotonMap, query: &Query) -> Vec<u64> {
+        let metric = |p: Vec3| {
+            let v = p - query.position;
+            let (x, y, z) = (v.x, v.y, v.z);
+            let euclid = x * x + y * y + z * z;
+            let height = x * query.normal.x + y * query.normal.y + z * query.normal.z;
+            match query.region {
+                SearchRegion::Sphere => euclid,
+                SearchRegion::Disc => euclid + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * (height * height),
+            }
+        };
+        let mut keys: Vec<u64> = map
+            .photons()
+            .enumerate()
+            .filter(|(_, photon)| photon.normal().dot(query.normal) >= query.min_normal_cos)
+            .filter(|(_, photon)| query.classes.contains(photon.class()))
+            .map(|(index, photon)| key_of(index as u32, metric(photon.position)))
+            .filter(|&key| distance_squared_of(key) <= query.max_radius * query.max_radius)
+            .collect();
+        keys.sort_unstable();
+        keys.truncate(query.k);
+        keys
+    }
+
+    fn sorted(found: Neighbours) -> Vec<u64> {
+        let mut keys: Vec<u64> = found.iter().map(|(index, d)| key_of(index as u32, d)).collect();
+        assert_eq!(keys.iter().max(), keys.last());
+        keys.sort_unstable();
+        keys
+    }
+
+    proptest! {
+        #[test]
+        fn search_equals_brute_force(
+            kind in 0u32..6,
+            count in prop_oneof![0usize..70, 70usize..3000],
+            k in prop_oneof![0usize..4, 4usize..100, Just(usize::MAX)],
+            seed in any::<u64>(),
+            radius in prop_oneof![Just(f32::INFINITY), 0f32..2.0],
+            disc in any::<bool>(),
+            every_class in any::<bool>(),
+        ) {
+            let map = PhotonMap::build(photons_of(kind, count, seed), 1);
+            prop_assert_eq!(map.len(), count);
+            let mut rng = Rng::new(seed, Stream::Measure, 1);
+            let mut scratch = Scratch::default();
+            for i in 0..5 {
+                let position = if i < 3 && count > 0 {
+                    map.photon(rng.next_u64() as usize % count).position
+                } else {
+                    Vec3::new(rng.next_f32(), rng.next_f32(), rng.next_f32()) * 2.0
+                };
+                let query = Query {
+                    position,
+                    normal: warp::square_to_sphere(rng.next_2d()),
+                    max_radius: radius,
+                    k,
+                    region: if disc { SearchRegion::Disc } else { SearchRegion::Sphere },
+                    min_normal_cos: if i % 2 == 0 { -2.0 } else { MIN_NORMAL_COS },
+                    classes: if every_class { PhotonClasses::ALL } else { PhotonClasses::LIGHT },
+                };
+                let wanted = brute_force(&map, &query);
+                prop_assert_eq!(&sorted(map.search(&query, &mut scratch)), &wanted);
+
+                let odd = |photon: &Photon| photon.payload_bits() % 2 == 1;
+                let all = brute_force(&map, &Query { k: usize::MAX, ..query });
+                let wanted = all.iter().find(|&&key| odd(&map.photon(index_of(key))));
+                let found = map.nearest_one(&query, odd);
+                prop_assert_eq!(found, wanted.map(|&key| (index_of(key), distance_squared_of(key))));
+            }
+        }
+    }
+}

@@ -1,0 +1,263 @@
+use crate::math::{Rgb, Rgbe, octahedral_decode, octahedral_encode};
+use glam::Vec3;
+use std::sync::LazyLock;
+
+/// How a photon came to the surface it is stored at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum PhotonClass {
+    /// Straight from the light.
+    Direct = 0,
+    /// After at least one diffuse or glossy reflection.
+    Indirect = 1,
+    /// After specular reflections or refractions only.
+    Caustic = 2,
+    /// Where light from the source would have arrived had nothing been in its way (Jensen & Christensen 1995).
+    Shadow = 3,
+}
+
+/// A set of [`PhotonClass`]es, for searches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PhotonClasses(u8);
+
+impl PhotonClasses {
+    /// Every class that carries light: all but shadow photons.
+    pub const LIGHT: Self = Self(0b0111);
+    /// Every class.
+    pub const ALL: Self = Self(0b1111);
+
+    /// The set of one class.
+    pub const fn only(class: PhotonClass) -> Self {
+        Self(1 << class as u8)
+    }
+
+    /// Both sets together.
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether `class` is in the set.
+    pub const fn contains(self, class: PhotonClass) -> bool {
+        self.0 >> (class as u8) & 1 == 1
+    }
+}
+
+/// Bits of each coordinate of the stored direction of incidence.
+const WI_BITS: u32 = 8;
+/// Bits of each coordinate of the stored normal.
+const NORMAL_BITS: u32 = 6;
+const NORMAL_CODES: usize = 1 << (2 * NORMAL_BITS);
+
+/// Largest angle, in radians, between a normal and the one that a [`Photon`] stores of it (3.97 degrees): half
+/// a step in both coordinates at the centre of a face of the octahedron, `sqrt(18) / 62`.
+pub const NORMAL_ERROR: f32 = 0.0693;
+
+/// Light that arrived at a surface: 20 bytes, as in section 3 of Jensen 1996.
+///
+/// The power is *unnormalised* flux, as if the photon were the only one its map's pass emitted: estimates divide
+/// by the count of emitted photons that travels with a [`super::PhotonMap`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct Photon {
+    /// Where it arrived, render space.
+    pub position: Vec3,
+    power: Rgbe,
+    wi: u16,
+    /// Normal in bits 0 to 11, class in bits 12 and 13; two bits are free.
+    flags: u16,
+}
+
+const _: () = assert!(size_of::<Photon>() == 20 && align_of::<Photon>() == 4);
+
+impl Photon {
+    /// A photon of flux `power` (watts, unnormalised) that arrived at `position` from the unit direction `wi`,
+    /// which points away from the surface, back along its way.
+    ///
+    /// `normal` is the unit geometric normal on either side; it is turned to the side of `wi`. `dither` in
+    /// `[0, 1)`, a random number of this photon's own, rounds the power without bias ([`Rgbe::encode_dithered`]).
+    pub fn new(position: Vec3, power: Rgb, wi: Vec3, normal: Vec3, class: PhotonClass, dither: f32) -> Self {
+        let side = if normal.dot(wi) < 0.0 { -normal } else { normal };
+        Self {
+            position,
+            power: Rgbe::encode_dithered(power, dither),
+            wi: octahedral_encode(wi, WI_BITS) as u16,
+            flags: normal_code(side) | (class as u16) << (2 * NORMAL_BITS),
+        }
+    }
+
+    /// Unnormalised flux, in watts.
+    #[inline]
+    pub fn power(&self) -> Rgb {
+        self.power.decode()
+    }
+
+    /// Unit direction back to where it came from; within one degree.
+    #[inline]
+    pub fn wi(&self) -> Vec3 {
+        decode_wi(self.wi)
+    }
+
+    /// Unit geometric normal on the side of arrival; within [`NORMAL_ERROR`], exact along the axes.
+    #[inline]
+    pub fn normal(&self) -> Vec3 {
+        decode_normal(self.flags)
+    }
+
+    /// How it came here.
+    #[inline]
+    pub fn class(&self) -> PhotonClass {
+        decode_class(self.flags)
+    }
+
+    /// The bytes that a map stores apart from the position and the flags.
+    pub(super) fn payload(&self) -> Payload {
+        Payload { power: self.power, wi: self.wi }
+    }
+
+    /// Normal and class.
+    #[inline]
+    pub(super) fn flags(&self) -> u16 {
+        self.flags
+    }
+
+    pub(super) fn from_parts(position: Vec3, flags: u16, payload: Payload) -> Self {
+        Self { position, power: payload.power, wi: payload.wi, flags }
+    }
+
+    /// All bits but the position's, as a number: orders photons at the same place.
+    #[inline]
+    pub(super) fn payload_bits(&self) -> u64 {
+        let power = u64::from(u32::from_be_bytes(self.power.0));
+        power << 32 | u64::from(self.wi) << 16 | u64::from(self.flags)
+    }
+}
+
+/// What the sums of an estimate need of a [`Photon`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C)]
+pub(super) struct Payload {
+    power: Rgbe,
+    wi: u16,
+}
+
+impl Payload {
+    /// Unnormalised flux.
+    #[inline]
+    pub(super) fn power(&self) -> Rgb {
+        self.power.decode()
+    }
+
+    /// Unit direction back to where the photon came from.
+    #[inline]
+    pub(super) fn wi(&self) -> Vec3 {
+        decode_wi(self.wi)
+    }
+}
+
+fn decode_wi(code: u16) -> Vec3 {
+    octahedral_decode(u32::from(code), WI_BITS)
+}
+
+/// The 12-bit code of a unit normal.
+pub(super) fn normal_code(normal: Vec3) -> u16 {
+    octahedral_encode(normal, NORMAL_BITS) as u16
+}
+
+/// Each normal that a code can stand for: half of a search's candidates want theirs, and a table is four times
+/// faster than arithmetic.
+static NORMALS: LazyLock<Box<[Vec3; NORMAL_CODES]>> =
+    LazyLock::new(|| Box::new(std::array::from_fn(|code| octahedral_decode(code as u32, NORMAL_BITS))));
+
+/// The table of normals, indexed by the lowest 12 bits of the flags.
+#[inline]
+pub(super) fn normal_table() -> &'static [Vec3; NORMAL_CODES] {
+    &NORMALS
+}
+
+#[inline]
+pub(super) fn decode_normal(flags: u16) -> Vec3 {
+    NORMALS[usize::from(flags) % NORMAL_CODES]
+}
+
+#[inline]
+pub(super) fn decode_class(flags: u16) -> PhotonClass {
+    match flags >> (2 * NORMAL_BITS) & 3 {
+        0 => PhotonClass::Direct,
+        1 => PhotonClass::Indirect,
+        2 => PhotonClass::Caustic,
+        _ => PhotonClass::Shadow,
+    }
+}
+
+/// Which photons a search accepts, by side and class: one look-up in a bit set per code would cost 2 KiB to
+/// prepare for each query, so the two tests are made as candidates come.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Acceptance {
+    normals: &'static [Vec3; NORMAL_CODES],
+    normal: Vec3,
+    min_cos: f32,
+    classes: u8,
+}
+
+impl Acceptance {
+    /// Photons of `classes` with `dot(photon normal, normal) >= min_cos`.
+    pub(super) fn new(normal: Vec3, min_cos: f32, classes: PhotonClasses) -> Self {
+        Self { normals: normal_table(), normal, min_cos, classes: classes.0 }
+    }
+
+    /// Whether a photon with these flags is accepted.
+    #[inline]
+    pub(super) fn accepts(&self, flags: u16) -> bool {
+        let normal = self.normals[usize::from(flags) % NORMAL_CODES];
+        let class = flags >> (2 * NORMAL_BITS) & 3;
+        (normal.dot(self.normal) >= self.min_cos) & (self.classes >> class & 1 == 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream, warp};
+
+    #[test]
+    fn round_trip() {
+        let mut rng = Rng::new(11, Stream::Measure, 0);
+        for i in 0..10_000 {
+            let wi = warp::square_to_sphere(rng.next_2d());
+            let normal = warp::square_to_sphere(rng.next_2d());
+            let class =
+                [PhotonClass::Direct, PhotonClass::Indirect, PhotonClass::Caustic, PhotonClass::Shadow]
+                    [i % 4];
+            let power = Rgb::new(1.0, 0.5, 0.25);
+            let photon = Photon::new(Vec3::splat(0.5), power, wi, normal, class, rng.next_f32());
+            assert_eq!(photon.class(), class);
+            assert!((photon.power() - power).abs().max_element() < 0.01);
+            assert!((photon.wi() - wi).length() < 4.3 / 254.0);
+            let side = if wi.dot(normal) < 0.0 { -normal } else { normal };
+            assert!((photon.normal() - side).length() < NORMAL_ERROR);
+            assert_eq!(Photon::from_parts(photon.position, photon.flags(), photon.payload()), photon);
+        }
+    }
+
+    #[test]
+    fn normal_error_is_the_worst_case() {
+        // A dense patch around the centre of a face, where the map stretches most.
+        let mut worst = 0f32;
+        for i in 0..1_000_000 {
+            let (x, y) = ((i % 1000) as f32, (i / 1000) as f32);
+            let v = Vec3::ONE + Vec3::new(x - 500.0, y - 500.0, 0.0) * 4e-4;
+            let v = v / v.length();
+            worst = worst.max((decode_normal(normal_code(v)) - v).length());
+        }
+        assert!(worst < NORMAL_ERROR && worst > 0.95 * NORMAL_ERROR, "{worst}");
+        assert!(super::super::MIN_NORMAL_COS <= (std::f32::consts::FRAC_PI_4 + NORMAL_ERROR).cos());
+    }
+
+    #[test]
+    fn sets_of_classes() {
+        assert!(!PhotonClasses::LIGHT.contains(PhotonClass::Shadow));
+        assert!(PhotonClasses::ALL.contains(PhotonClass::Shadow));
+        let pair = PhotonClasses::only(PhotonClass::Direct).and(PhotonClasses::only(PhotonClass::Shadow));
+        assert!(pair.contains(PhotonClass::Direct) && !pair.contains(PhotonClass::Caustic));
+    }
+}

@@ -1,0 +1,306 @@
+//! Pass 1: photons from the lights to where they are absorbed (Jensen 1996, section 3).
+
+use super::emission::{Aim, emit};
+use super::{Photon, PhotonClass};
+use crate::bsdf::{Lobe, TransportMode, shading_normal_correction};
+use crate::math::Rgb;
+use crate::media::MediumId;
+use crate::sampling::{Rng, Sobol, Stream, mix};
+use crate::scene::{MapKind, Scene, Shading, SurfaceInteraction};
+use glam::{DVec3, Vec2};
+use rayon::prelude::*;
+use std::ops::AddAssign;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What to trace.
+#[derive(Clone, Copy, Debug)]
+pub struct TraceSettings {
+    /// Which map the photons are for.
+    pub kind: MapKind,
+    /// Photons to store, about.
+    pub stored: u64,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Surfaces a photon may meet before it is cut off and counted as truncated.
+    pub max_depth: u32,
+}
+
+/// What became of the photons of one light. Powers are sums over photons; divided by the photons emitted in all, flux.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PhotonTally {
+    /// Photons emitted, those without power included.
+    pub emitted: u64,
+    /// Photons stored.
+    pub stored: u64,
+    /// Surfaces met.
+    pub bounces: u64,
+    /// Photons that met no surface at all.
+    pub missed: u64,
+    /// Photons cut off at the depth limit.
+    pub truncated: u64,
+    /// Interfaces met in another medium than they state.
+    pub medium_mismatches: u64,
+    /// Power that left the lights.
+    pub power_emitted: DVec3,
+    /// Power that surfaces and media absorbed, or that was stored in a map that follows photons no further.
+    pub power_absorbed: DVec3,
+    /// Power that left the scene.
+    pub power_escaped: DVec3,
+    /// Power cut off at the depth limit.
+    pub power_truncated: DVec3,
+}
+
+impl AddAssign for PhotonTally {
+    fn add_assign(&mut self, other: Self) {
+        self.emitted += other.emitted;
+        self.stored += other.stored;
+        self.bounces += other.bounces;
+        self.missed += other.missed;
+        self.truncated += other.truncated;
+        self.medium_mismatches += other.medium_mismatches;
+        self.power_emitted += other.power_emitted;
+        self.power_absorbed += other.power_absorbed;
+        self.power_escaped += other.power_escaped;
+        self.power_truncated += other.power_truncated;
+    }
+}
+
+/// Photons of one map, in the order of their numbers.
+#[derive(Debug)]
+pub struct TracedPhotons {
+    /// The photons; their powers are to be divided by `emitted`.
+    pub photons: Vec<Photon>,
+    /// Photons emitted by all lights together.
+    pub emitted: u64,
+    /// By light.
+    pub tallies: Vec<PhotonTally>,
+}
+
+/// Photons traced to find out how many to emit.
+const PREPASS: u64 = 20_000;
+
+/// Photons that one task traces.
+const CHUNK: u64 = 4096;
+
+/// More emitted photons than this for one stored are not worth waiting for; fewer are stored then.
+const MOST_EMITTED_PER_STORED: f64 = 2000.0;
+
+/// Traces about `settings.stored` photons.
+///
+/// How many to emit is found by a short pass with random numbers of its own, so that the count does not depend on the
+/// photons that are kept. Each light emits in proportion to its flux; a photon's number alone decides its way, so the
+/// result is the same for any number of threads. `progress` is called with the photons traced so far and those to
+/// trace; once it returns `false` nothing more is traced and `None` returned.
+pub fn trace_photons(
+    scene: &Scene,
+    settings: &TraceSettings,
+    progress: &(dyn Fn(u64, u64) -> bool + Sync),
+) -> Option<TracedPhotons> {
+    let nothing = TracedPhotons {
+        photons: Vec::new(),
+        emitted: 0,
+        tallies: vec![PhotonTally::default(); scene.lights().len()],
+    };
+    if settings.stored == 0 || scene.light_power().is_none() {
+        return Some(nothing);
+    }
+    let prepass = Batch::new(scene, settings, Stream::Prepass, PREPASS).run(&|_, _| true)?;
+    if prepass.photons.is_empty() {
+        return Some(TracedPhotons { photons: Vec::new(), ..prepass });
+    }
+    let per_stored = prepass.emitted as f64 / prepass.photons.len() as f64;
+    let emitted = settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED);
+    let stream = match settings.kind {
+        MapKind::Global => Stream::GlobalPhotons,
+        MapKind::Caustic => Stream::CausticPhotons,
+    };
+    Batch::new(scene, settings, stream, emitted.ceil() as u64).run(progress)
+}
+
+/// Photons of all lights, some of each.
+struct Batch<'a> {
+    scene: &'a Scene,
+    settings: &'a TraceSettings,
+    stream: Stream,
+    /// By light: photons emitted.
+    shares: Vec<u64>,
+    media: Vec<MediumId>,
+}
+
+impl<'a> Batch<'a> {
+    fn new(scene: &'a Scene, settings: &'a TraceSettings, stream: Stream, emitted: u64) -> Self {
+        let shares = match scene.light_power() {
+            // At least one photon for a light that shines, so that none is left out whatever the others are.
+            Some(power) => (0..scene.lights().len())
+                .map(|light| {
+                    let probability = f64::from(power.probability(light));
+                    if probability > 0.0 { ((probability * emitted as f64).round() as u64).max(1) } else { 0 }
+                })
+                .collect(),
+            None => vec![0; scene.lights().len()],
+        };
+        let media = scene.lights().iter().map(|light| scene.medium_at(light.a_point())).collect();
+        Self { scene, settings, stream, shares, media }
+    }
+
+    fn run(&self, progress: &(dyn Fn(u64, u64) -> bool + Sync)) -> Option<TracedPhotons> {
+        let emitted: u64 = self.shares.iter().sum();
+        let mut tasks = Vec::new();
+        for (light, &share) in self.shares.iter().enumerate() {
+            tasks.extend((0..share).step_by(CHUNK as usize).map(|first| (light, first, share.min(first + CHUNK))));
+        }
+        let done = AtomicU64::new(0);
+        let results: Option<Vec<(usize, Vec<Photon>, PhotonTally)>> = tasks
+            .into_par_iter()
+            .map(|(light, first, end)| {
+                let (photons, tally) = self.trace_range(light, first, end, emitted);
+                let traced = done.fetch_add(end - first, Ordering::Relaxed) + (end - first);
+                progress(traced, emitted).then_some((light, photons, tally))
+            })
+            .collect();
+        let results = results?;
+        let mut tallies = vec![PhotonTally::default(); self.shares.len()];
+        let mut photons = Vec::with_capacity(results.iter().map(|(_, photons, _)| photons.len()).sum());
+        for (light, stored, tally) in results {
+            photons.extend(stored);
+            tallies[light] += tally;
+        }
+        Some(TracedPhotons { photons, emitted, tallies })
+    }
+
+    fn trace_range(&self, light: usize, first: u64, end: u64, emitted: u64) -> (Vec<Photon>, PhotonTally) {
+        let mut photons = Vec::with_capacity((end - first) as usize);
+        let mut tally = PhotonTally::default();
+        let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
+        let sequence = Sobol::new(seed);
+        // Every photon of this light stands for this share of its flux, times the photons of all lights, since the
+        // map divides by those.
+        let scale = (emitted as f64 / self.shares[light] as f64) as f32;
+        let source = &self.scene.lights()[light];
+        let (bounds, casters) = (self.scene.bounds(), self.scene.casters());
+        let aim = match self.settings.kind {
+            MapKind::Global => Aim::Scene(bounds),
+            MapKind::Caustic => Aim::Casters(casters, bounds),
+        };
+        for index in first..end {
+            tally.emitted += 1;
+            let u = sequence.sample_4d((index >> 32) as u32, index as u32);
+            let Some(start) = emit(source, aim, u) else { continue };
+            let mut flight = Flight {
+                scene: self.scene,
+                kind: self.settings.kind,
+                rng: Rng::new(seed, self.stream, index),
+                power: start.power * scale,
+                medium: self.media[light],
+                only_specular: true,
+            };
+            tally.power_emitted += flight.power.as_dvec3();
+            flight.run(start.ray, self.settings.max_depth, &mut photons, &mut tally);
+        }
+        tally.stored = photons.len() as u64;
+        (photons, tally)
+    }
+}
+
+/// A photon under way.
+struct Flight<'a> {
+    scene: &'a Scene,
+    kind: MapKind,
+    rng: Rng,
+    power: Rgb,
+    medium: MediumId,
+    /// No diffuse surface met so far.
+    only_specular: bool,
+}
+
+impl Flight<'_> {
+    fn run(
+        &mut self,
+        mut ray: crate::math::Ray,
+        max_depth: u32,
+        photons: &mut Vec<Photon>,
+        tally: &mut PhotonTally,
+    ) {
+        for depth in 0..max_depth {
+            let Some(hit) = self.scene.intersect(&ray) else {
+                tally.missed += u64::from(depth == 0);
+                tally.power_escaped += self.power.as_dvec3();
+                return;
+            };
+            tally.bounces += 1;
+            let arriving = self.power;
+            let medium = self.scene.medium(self.medium);
+            if !medium.is_clear() {
+                self.power *= medium.transmittance(hit.distance);
+            }
+            let shading = hit.shading(self.scene.material(&hit));
+            if shading.bsdf.has_diffuse() {
+                self.store(&hit, depth, photons);
+            }
+            let next = self.scatter(&hit, &shading, tally);
+            let left = next.map_or(Rgb::ZERO, |_| self.power);
+            tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
+            match next {
+                Some(next) => ray = next,
+                None => return,
+            }
+        }
+        tally.truncated += 1;
+        tally.power_truncated += self.power.as_dvec3();
+    }
+
+    fn store(&mut self, hit: &SurfaceInteraction, depth: u32, photons: &mut Vec<Photon>) {
+        let class = match (depth, self.only_specular) {
+            (0, _) => PhotonClass::Direct,
+            (_, true) => PhotonClass::Caustic,
+            (_, false) => PhotonClass::Indirect,
+        };
+        if self.kind == MapKind::Caustic && class != PhotonClass::Caustic {
+            return;
+        }
+        let dither = self.rng.next_f32();
+        photons.push(Photon::new(hit.point.position, self.power, hit.wo, hit.facing_normal(), class, dither));
+    }
+
+    /// The ray on which the photon goes on, with its new power; `None` where it ends here.
+    fn scatter(
+        &mut self,
+        hit: &SurfaceInteraction,
+        shading: &Shading,
+        tally: &mut PhotonTally,
+    ) -> Option<crate::math::Ray> {
+        if self.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
+            return None;
+        }
+        let u_lobe = if shading.bsdf.is_delta() { self.rng.next_f32() } else { 0.0 };
+        let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
+        let sample = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux)?;
+        let direction = shading.frame.to_world(sample.wi);
+        if sample.lobe == Lobe::Specular {
+            tally.medium_mismatches += u64::from(self.scene.is_medium_mismatch(hit, self.medium));
+        } else {
+            self.only_specular = false;
+        }
+        let medium = self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)?;
+        let mut power = self.power * sample.throughput;
+        if shading.frame.z != shading.geometric {
+            power *= shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric);
+        }
+        // Chromatic roulette: the brightest channel decides, so that photons keep their power and no channel of a
+        // survivor grows beyond it (slides of seed 001, with the maximum taken after the product).
+        let survival = power.max_element() / self.power.max_element();
+        if !(survival > 0.0) {
+            return None;
+        }
+        if survival < 1.0 {
+            if self.rng.next_f32() >= survival {
+                return None;
+            }
+            power /= survival;
+        }
+        self.power = power;
+        self.medium = medium;
+        Some(hit.spawn(direction))
+    }
+}
+

@@ -1,0 +1,194 @@
+//! Pass 1 as a job: traces photons, builds the maps the plan asks for, and says what is odd about them.
+
+use super::observer::Observer;
+use super::settings::Settings;
+use super::stats::{MapStatistics, PhotonStatistics};
+use crate::integrators::{PhotonMapSettings, PhotonMaps};
+use crate::photons::{EstimateParams, Kernel, PhotonMap, PhotonTally, TraceSettings, trace_photons};
+use crate::scene::{MapKind, RenderPlan, Scene};
+use glam::Vec3;
+use std::time::Instant;
+
+/// Radius beyond which an estimate says nothing of its place, as a share of the scene's radius.
+const LARGEST_RADIUS: f32 = 0.25;
+
+/// One in so many photons of the global map gets its irradiance precomputed (Christensen 1999, section 4).
+const IRRADIANCE_STRIDE: usize = 4;
+
+/// A map has fewer photons than this share of those asked for: worth a warning.
+const UNDERFILLED: f64 = 0.5;
+
+/// What became of one map.
+#[derive(Clone, Debug)]
+pub struct MapReport {
+    /// Which map.
+    pub kind: MapKind,
+    /// Photons emitted by all lights.
+    pub emitted: u64,
+    /// What became of the photons, by light.
+    pub tallies: Vec<PhotonTally>,
+}
+
+/// Maps, and what is to be told about them.
+#[derive(Debug, Default)]
+pub struct PassOne {
+    /// The maps.
+    pub maps: PhotonMaps,
+    /// By map, in the order in which they were built.
+    pub reports: Vec<MapReport>,
+    /// Numbers for the statistics.
+    pub statistics: Vec<MapStatistics>,
+    /// Things a user should know.
+    pub warnings: Vec<String>,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+impl Settings {
+    /// How the photon maps are read, for a scene whose bounding sphere has this radius.
+    pub fn photon_map_settings(&self, scene_radius: f32) -> PhotonMapSettings {
+        PhotonMapSettings {
+            global_nearest: self.global_nearest,
+            caustic_nearest: self.caustic_nearest,
+            caustic: EstimateParams { kernel: self.kernel, estimator: self.estimator },
+            global: EstimateParams { kernel: Kernel::Constant, estimator: self.estimator },
+            region: self.search,
+            max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
+            gather_samples: self.gather_samples,
+            light_samples: self.light_samples,
+            max_depth: self.max_depth,
+        }
+    }
+}
+
+/// Builds the maps that `plan` asks for. `None` where the observer asked to stop.
+pub fn build_maps(
+    scene: &Scene,
+    plan: &RenderPlan,
+    settings: &Settings,
+    observer: &dyn Observer,
+) -> Option<PassOne> {
+    let start = Instant::now();
+    let mut pass = PassOne::default();
+    if plan.global_map.build {
+        let map = build_map(scene, settings, MapKind::Global, settings.global_photons, observer, &mut pass)?;
+        if plan.final_gather.build && settings.precomputed_irradiance && !map.is_empty() {
+            observer.begin("precomputing irradiance", 1);
+            let reading = settings.photon_map_settings(scene.bounds().1);
+            let template = reading.global_query(Vec3::ZERO, Vec3::Z);
+            pass.maps.irradiance =
+                Some(map.precompute_irradiance(&template, &reading.global, IRRADIANCE_STRIDE));
+            observer.advance(1);
+        }
+        pass.maps.global = Some(map);
+    }
+    if plan.caustic_map.build {
+        pass.maps.caustic = Some(build_map(
+            scene,
+            settings,
+            MapKind::Caustic,
+            settings.caustic_photons,
+            observer,
+            &mut pass,
+        )?);
+    }
+    pass.seconds = start.elapsed().as_secs_f64();
+    Some(pass)
+}
+
+fn build_map(
+    scene: &Scene,
+    settings: &Settings,
+    kind: MapKind,
+    wanted: u64,
+    observer: &dyn Observer,
+    pass: &mut PassOne,
+) -> Option<PhotonMap> {
+    let name = match kind {
+        MapKind::Global => "global",
+        MapKind::Caustic => "caustic",
+    };
+    observer.begin(&format!("tracing {name} photons"), wanted);
+    let trace = TraceSettings { kind, stored: wanted, seed: settings.seed, max_depth: settings.max_depth };
+    let start = Instant::now();
+    let traced = trace_photons(scene, &trace, &|done, total| {
+        observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
+        !observer.should_stop()
+    })?;
+    let seconds_tracing = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let map = PhotonMap::build(traced.photons, traced.emitted);
+    pass.statistics.push(MapStatistics {
+        map: kind,
+        photons: map.len() as u64,
+        emitted: traced.emitted,
+        bytes: map.memory_bytes() as u64,
+        seconds_tracing,
+        seconds_building: start.elapsed().as_secs_f64(),
+        lights: traced.tallies.iter().enumerate().map(|(i, t)| statistics_of(i, t, traced.emitted)).collect(),
+    });
+    warn(name, kind, wanted, &map, &traced.tallies, &mut pass.warnings);
+    pass.reports.push(MapReport { kind, emitted: traced.emitted, tallies: traced.tallies });
+    Some(map)
+}
+
+fn statistics_of(light: usize, tally: &PhotonTally, emitted: u64) -> PhotonStatistics {
+    let flux = |power: glam::DVec3| (power / emitted.max(1) as f64).to_array();
+    PhotonStatistics {
+        light: light as u32,
+        emitted: tally.emitted,
+        stored: tally.stored,
+        bounces: tally.bounces,
+        missed: tally.missed,
+        truncated: tally.truncated,
+        medium_mismatches: tally.medium_mismatches,
+        flux_emitted: flux(tally.power_emitted),
+        flux_absorbed: flux(tally.power_absorbed),
+        flux_escaped: flux(tally.power_escaped),
+        flux_truncated: flux(tally.power_truncated),
+    }
+}
+
+fn warn(
+    name: &str,
+    kind: MapKind,
+    wanted: u64,
+    map: &PhotonMap,
+    tallies: &[PhotonTally],
+    warnings: &mut Vec<String>,
+) {
+    if map.is_empty() && wanted > 0 {
+        warnings.push(match kind {
+            MapKind::Caustic => "the caustic map is empty: no photon reached a diffuse surface by way of a specular \
+                                 one; there will be no caustics (is the light blocked, or does nothing diffuse lie \
+                                 behind the glass?)"
+                .to_owned(),
+            MapKind::Global => "the global map is empty: no photon reached a diffuse surface; there will be no \
+                                indirect light"
+                .to_owned(),
+        });
+    } else if (map.len() as f64) < UNDERFILLED * wanted as f64 {
+        warnings.push(format!(
+            "the {name} map holds {} photons of the {wanted} asked for: too few of those emitted are stored",
+            map.len()
+        ));
+    }
+    if map.dropped() > 0 {
+        warnings.push(format!("{} photons of the {name} map had no finite position and were dropped", map.dropped()));
+    }
+    let sum = |field: fn(&PhotonTally) -> u64| tallies.iter().map(field).sum::<u64>();
+    let truncated = sum(|tally| tally.truncated);
+    if truncated > 0 {
+        warnings.push(format!(
+            "{truncated} photons of the {name} map were cut off at the depth limit; their light is missing (raise \
+             --max-depth, or is a reflectance 1?)"
+        ));
+    }
+    let mismatches = sum(|tally| tally.medium_mismatches);
+    if mismatches > 0 {
+        warnings.push(format!(
+            "{mismatches} times a photon met an interface in another medium than the interface states on that side: \
+             check `inside` and `outside` of the materials and the direction of normals"
+        ));
+    }
+}

@@ -1,0 +1,25 @@
+/// Follows a render: shows progress, and may ask it to stop.
+pub trait Observer: Sync {
+    /// A step begins, of `total` units.
+    fn begin(&self, step: &str, total: u64);
+
+    /// So many units of the present step are done.
+    fn advance(&self, done: u64);
+
+    /// Asked often, from all threads: true stops the render as soon as what is under way is whole.
+    fn should_stop(&self) -> bool;
+}
+
+/// Watches nothing and never stops.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Observer for Silent {
+    fn begin(&self, _step: &str, _total: u64) {}
+
+    fn advance(&self, _done: u64) {}
+
+    fn should_stop(&self) -> bool {
+        false
+    }
+}

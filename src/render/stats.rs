@@ -1,0 +1,91 @@
+use crate::integrators::Counters;
+use crate::scene::{MapKind, RenderPlan};
+use serde::Serialize;
+
+/// Seconds by step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Times {
+    /// Reading and building the scene.
+    pub scene: f64,
+    /// Pass 1.
+    pub photons: f64,
+    /// Pass 2.
+    pub pixels: f64,
+}
+
+/// What became of the photons of one light. Fluxes in the units of render space, per channel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PhotonStatistics {
+    /// Number of the light.
+    pub light: u32,
+    /// Photons emitted.
+    pub emitted: u64,
+    /// Photons stored.
+    pub stored: u64,
+    /// Surfaces met.
+    pub bounces: u64,
+    /// Photons that met nothing.
+    pub missed: u64,
+    /// Photons cut off at the depth limit.
+    pub truncated: u64,
+    /// Interfaces met in another medium than they state.
+    pub medium_mismatches: u64,
+    /// Flux that left the light towards the aim.
+    pub flux_emitted: [f64; 3],
+    /// Flux absorbed.
+    pub flux_absorbed: [f64; 3],
+    /// Flux that left the scene.
+    pub flux_escaped: [f64; 3],
+    /// Flux cut off.
+    pub flux_truncated: [f64; 3],
+}
+
+/// One photon map.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MapStatistics {
+    /// Which map.
+    pub map: MapKind,
+    /// Photons stored.
+    pub photons: u64,
+    /// Photons emitted.
+    pub emitted: u64,
+    /// Memory, photons and search structure.
+    pub bytes: u64,
+    /// Seconds to trace.
+    pub seconds_tracing: f64,
+    /// Seconds to build the search structure.
+    pub seconds_building: f64,
+    /// By light.
+    pub lights: Vec<PhotonStatistics>,
+}
+
+/// Everything that `--stats` writes.
+#[derive(Clone, Debug, Serialize)]
+pub struct Statistics {
+    /// Version of this layout.
+    pub schema: u32,
+    /// Scene.
+    pub scene: String,
+    /// Settings.
+    pub settings: super::Settings,
+    /// What was built, and why.
+    pub plan: RenderPlan,
+    /// Seconds by step.
+    pub times: Times,
+    /// Threads.
+    pub threads: usize,
+    /// Camera samples taken per pixel; of the asked-for ones where the render was stopped.
+    pub samples: u64,
+    /// Photon maps.
+    pub maps: Vec<MapStatistics>,
+    /// Bytes of precomputed irradiance.
+    pub irradiance_bytes: u64,
+    /// Rays and look-ups of pass 2.
+    pub counters: Counters,
+    /// Segments per camera ray: the mean ray depth.
+    pub mean_depth: f64,
+    /// Samples that were not finite and were left out.
+    pub rejected_samples: u64,
+    /// Warnings.
+    pub warnings: Vec<String>,
+}

@@ -1,0 +1,64 @@
+use super::{Sobol, Stream, rng::mix};
+use glam::Vec2;
+
+/// The numbers of one camera sample: point `index` of the pixel's sequence, dimension after dimension.
+///
+/// Each call takes the next set of dimensions. Where one hit needs many numbers (gather rays, shadow rays) a
+/// [`Splits`] gives it consecutive points of one set, so that all rays of the pixel together are stratified.
+#[derive(Clone, Copy, Debug)]
+pub struct SampleStream {
+    sequence: Sobol,
+    index: u32,
+    set: u32,
+}
+
+impl SampleStream {
+    /// Sample `index` of `pixel` under `seed`.
+    pub fn new(seed: u64, pixel: u64, index: u32) -> Self {
+        let key = mix(mix(seed ^ mix(Stream::Camera as u64)).wrapping_add(pixel));
+        Self { sequence: Sobol::new(key), index, set: 0 }
+    }
+
+    /// A number in `[0, 1)`.
+    #[inline]
+    pub fn next_1d(&mut self) -> f32 {
+        self.set += 1;
+        self.sequence.sample_1d(self.set, self.index)
+    }
+
+    /// A point in `[0, 1)^2`.
+    #[inline]
+    pub fn next_2d(&mut self) -> Vec2 {
+        self.set += 1;
+        self.sequence.sample_2d(self.set, self.index)
+    }
+
+    /// `count` points at once; every camera sample of the pixel must ask for the same count here, or points repeat.
+    #[inline]
+    pub fn splits(&mut self, count: u32) -> Splits {
+        self.set += 1;
+        Splits { sequence: self.sequence, set: self.set, first: self.index.wrapping_mul(count) }
+    }
+}
+
+/// Consecutive points of one set.
+#[derive(Clone, Copy, Debug)]
+pub struct Splits {
+    sequence: Sobol,
+    set: u32,
+    first: u32,
+}
+
+impl Splits {
+    /// Point number `i` of the split.
+    #[inline]
+    pub fn get(&self, i: u32) -> Vec2 {
+        self.sequence.sample_2d(self.set, self.first.wrapping_add(i))
+    }
+
+    /// All four coordinates of point number `i`.
+    #[inline]
+    pub fn get_4d(&self, i: u32) -> [f32; 4] {
+        self.sequence.sample_4d(self.set, self.first.wrapping_add(i))
+    }
+}

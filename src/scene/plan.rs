@@ -1,0 +1,201 @@
+//! What a scene requires, decided in one place, with reasons in words.
+
+use super::{Geometry, Material, Scene};
+use serde::Serialize;
+use std::fmt;
+
+/// How a picture is computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum IntegratorKind {
+    /// Two passes: photon maps, then distribution ray tracing with final gathering (Jensen 1996).
+    PhotonMap,
+    /// One map shown directly at the first diffuse surface.
+    Photons,
+    /// Unbiased path tracing, the reference.
+    Path,
+}
+
+/// Which of the photon maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MapKind {
+    /// All photons on diffuse surfaces.
+    Global,
+    /// Photons that met only specular surfaces between the light and the surface they are stored at.
+    Caustic,
+}
+
+/// Whether something is built, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Decision {
+    /// Built or left out.
+    pub build: bool,
+    /// Why.
+    pub reason: String,
+}
+
+impl Decision {
+    fn yes(reason: impl Into<String>) -> Self {
+        Self { build: true, reason: reason.into() }
+    }
+
+    fn no(reason: impl Into<String>) -> Self {
+        Self { build: false, reason: reason.into() }
+    }
+}
+
+impl fmt::Display for Decision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", if self.build { "yes" } else { "no" }, self.reason)
+    }
+}
+
+/// What is built for one scene and one integrator. What is left out costs no memory and no time.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct RenderPlan {
+    /// The map of all photons on diffuse surfaces.
+    pub global_map: Decision,
+    /// The map of photons that only met specular surfaces.
+    pub caustic_map: Decision,
+    /// Final gathering of soft indirect light.
+    pub final_gather: Decision,
+    /// Shadow rays to sampled points of lights.
+    pub light_sampling: Decision,
+    /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
+    pub bsdf_sampling: Decision,
+    /// Absorption along rays.
+    pub absorption: Decision,
+    /// Embree geometry kinds in the scene, with counts.
+    pub geometry: Vec<String>,
+}
+
+impl RenderPlan {
+    /// Decides. `show` is the map that [`IntegratorKind::Photons`] shows.
+    pub fn new(scene: &Scene, integrator: IntegratorKind, show: MapKind) -> Self {
+        let facts = Facts::of(scene);
+        Self {
+            global_map: facts.global_map(integrator, show),
+            caustic_map: facts.caustic_map(integrator, show),
+            final_gather: match integrator {
+                IntegratorKind::PhotonMap if facts.lit && facts.diffuse > 0 => {
+                    Decision::yes("diffuse surfaces reflect light to each other")
+                }
+                IntegratorKind::PhotonMap => Decision::no("no light reaches a diffuse surface"),
+                IntegratorKind::Photons => Decision::no("the map is shown directly"),
+                IntegratorKind::Path => Decision::no("path tracing needs no maps"),
+            },
+            light_sampling: match integrator {
+                IntegratorKind::Photons => Decision::no("the map is shown directly"),
+                _ if !facts.lit => Decision::no("there is no light"),
+                _ if facts.diffuse == 0 => Decision::no("there is no diffuse surface"),
+                _ => Decision::yes(format!("{} light(s) seen from diffuse surfaces", scene.lights().len())),
+            },
+            bsdf_sampling: match integrator {
+                IntegratorKind::Photons => Decision::no("the map is shown directly"),
+                IntegratorKind::Path => Decision::yes("paths that hit lights by chance carry caustics"),
+                IntegratorKind::PhotonMap => facts.bsdf_sampling(),
+            },
+            absorption: if facts.absorbing > 0 {
+                Decision::yes(format!("{} medium or media absorb", facts.absorbing))
+            } else {
+                Decision::no("no medium absorbs")
+            },
+            geometry: facts.geometry,
+        }
+    }
+
+    /// Each decision with its name, for people.
+    pub fn decisions(&self) -> [(&'static str, &Decision); 6] {
+        [
+            ("global photon map", &self.global_map),
+            ("caustic photon map", &self.caustic_map),
+            ("final gathering", &self.final_gather),
+            ("light sampling", &self.light_sampling),
+            ("BSDF sampling of lights", &self.bsdf_sampling),
+            ("absorption", &self.absorption),
+        ]
+    }
+}
+
+/// What the decisions depend on.
+struct Facts {
+    lit: bool,
+    diffuse: usize,
+    specular: usize,
+    absorbing: usize,
+    wide_lights: usize,
+    geometry: Vec<String>,
+}
+
+impl Facts {
+    fn of(scene: &Scene) -> Self {
+        let count = |test: fn(&Material) -> bool| {
+            scene.surfaces().iter().filter(|s| test(&scene.materials()[s.material as usize].1)).count()
+        };
+        Self {
+            lit: scene.light_power().is_some(),
+            diffuse: count(Material::has_diffuse),
+            specular: count(Material::is_specular),
+            absorbing: scene.media().iter().filter(|medium| !medium.is_clear()).count(),
+            wide_lights: scene.lights().iter().filter(|light| light.needs_bsdf_sampling()).count(),
+            geometry: geometry_kinds(scene),
+        }
+    }
+
+    fn global_map(&self, integrator: IntegratorKind, show: MapKind) -> Decision {
+        match integrator {
+            IntegratorKind::Path => Decision::no("path tracing needs no maps"),
+            IntegratorKind::Photons if show != MapKind::Global => Decision::no("the other map is shown"),
+            _ if !self.lit => Decision::no("there is no light"),
+            _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
+            _ => Decision::yes(format!("{} diffuse surface(s) pass light on", self.diffuse)),
+        }
+    }
+
+    fn caustic_map(&self, integrator: IntegratorKind, show: MapKind) -> Decision {
+        match integrator {
+            IntegratorKind::Path => Decision::no("path tracing needs no maps"),
+            IntegratorKind::Photons if show != MapKind::Caustic => Decision::no("the other map is shown"),
+            _ if !self.lit => Decision::no("there is no light"),
+            _ if self.specular == 0 => Decision::no("no specular surface, so there are no caustics"),
+            _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
+            _ => Decision::yes(format!("{} specular surface(s) cast caustics", self.specular)),
+        }
+    }
+
+    fn bsdf_sampling(&self) -> Decision {
+        if self.wide_lights == 0 || self.diffuse == 0 {
+            Decision::no("every light is sampled well by its solid angle")
+        } else {
+            Decision::yes(format!("{} light(s) can fill much of the hemisphere", self.wide_lights))
+        }
+    }
+}
+
+fn geometry_kinds(scene: &Scene) -> Vec<String> {
+    let mut meshes = 0;
+    let mut triangles = 0;
+    let mut procedural = 0;
+    for surface in scene.surfaces() {
+        match &surface.geometry {
+            Geometry::Mesh(mesh) => {
+                meshes += 1;
+                triangles += mesh.buffers.triangles().len();
+            }
+            Geometry::Procedural(_) => procedural += 1,
+        }
+    }
+    let instances = scene.nodes().iter().filter(|node| matches!(node, super::Node::Instance { .. })).count();
+    let mut kinds = Vec::new();
+    if meshes > 0 {
+        kinds.push(format!("{triangles} triangles in {meshes} mesh(es)"));
+    }
+    if procedural > 0 {
+        kinds.push(format!("{procedural} exact shape(s)"));
+    }
+    if instances > 0 {
+        kinds.push(format!("{instances} instance(s)"));
+    }
+    kinds
+}

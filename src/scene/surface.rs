@@ -1,0 +1,222 @@
+//! Points on surfaces, with the error bounds that make ray offsets unnecessary to tune.
+
+use super::material::Material;
+use crate::bsdf::Bsdf;
+use crate::embree::SurfacePoint;
+use crate::math::rounding::UNIT_ROUNDOFF;
+use crate::math::{Frame, Ray};
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+
+/// Geometry of a hit before anything is known of its material: a point, a normal, and how far a ray must start from
+/// the point to be on a known side of the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HitPoint {
+    /// Position, rounded to `f32`.
+    pub position: Vec3,
+    /// Unit normal of the geometry on its outer side: by winding for triangles, outward for closed shapes.
+    pub normal: Vec3,
+    /// Distance along the normal within which neither this point's rounding nor that of an intersection test of a
+    /// ray that starts here can tell on which side of the surface a point lies.
+    pub offset: f32,
+    /// Surface parameters; barycentric for triangles.
+    pub uv: Vec2,
+}
+
+/// Allowance over the first-order bounds below, for the terms of second order they leave out.
+const SAFETY: f32 = 2.0;
+
+impl HitPoint {
+    /// The point of a triangle with these barycentric coordinates of the second and third corner. `None` for a
+    /// triangle without area.
+    ///
+    /// The offset bounds three errors, to first order in the unit roundoff `u`, component by component so that an
+    /// axis-aligned wall of any size has none in its plane:
+    ///
+    /// - rounding of the position: `u |p|`;
+    /// - Embree moves corners to the ray's origin first: `u |v_k - p|` each, a few roundings in their product with
+    ///   the normal;
+    /// - and takes the normal from those moved corners: `u (|v - p|_j |e|_k + |v - p|_k |e|_j)` in component i.
+    #[inline]
+    pub fn on_triangle(corners: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
+        let [v0, v1, v2] = corners.map(|v| Vec3::from_array(v).as_dvec3());
+        let (e1, e2) = (v1 - v0, v2 - v0);
+        let p = v0 + e1 * f64::from(uv[0]) + e2 * f64::from(uv[1]);
+        let n = e1.cross(e2);
+        let length_squared = n.length_squared();
+        if !(length_squared > 0.0) {
+            return None;
+        }
+        let inverse_length = 1.0 / length_squared.sqrt();
+        let normal = (n * inverse_length).as_vec3();
+        let reach = (v0 - p).abs().max((v1 - p).abs()).max((v2 - p).abs()).as_vec3();
+        let edge = e1.abs().max(e2.abs()).as_vec3();
+        let tilt = (Vec3::new(
+            reach.y * edge.z + reach.z * edge.y,
+            reach.z * edge.x + reach.x * edge.z,
+            reach.x * edge.y + reach.y * edge.x,
+        ) * inverse_length as f32)
+            .dot(reach);
+        let position = p.as_vec3();
+        let offset = UNIT_ROUNDOFF * SAFETY * (normal.abs().dot(position.abs() + 4.0 * reach) + 2.0 * tilt);
+        Some(Self { position, normal, offset, uv: Vec2::from_array(uv) })
+    }
+
+    /// The point of a procedural object, which states its own error.
+    #[inline]
+    pub fn on_procedural(point: &SurfacePoint) -> Self {
+        let position = point.position.as_vec3();
+        let normal = point.normal.as_vec3();
+        let error = point.error + position.abs() * UNIT_ROUNDOFF;
+        Self { position, normal, offset: SAFETY * normal.abs().dot(error), uv: point.uv }
+    }
+
+    /// The same point seen through an instance. Adds the error of Embree's transformation of the ray.
+    pub fn transformed(&self, placement: &Placement) -> Self {
+        let local = self.position.as_dvec3();
+        let world = placement.to_world.transform_point3(local);
+        let normal = placement.normal_matrix * self.normal.as_dvec3();
+        let length = normal.length();
+        let unit = normal / length;
+        let magnitude = placement.magnitude * local.abs() + placement.to_world.translation.abs();
+        let moved = f64::from(UNIT_ROUNDOFF * SAFETY) * 4.0 * unit.abs().dot(magnitude + world.abs());
+        Self {
+            position: world.as_vec3(),
+            normal: unit.as_vec3(),
+            // A height over the surface of the object is a height divided by that factor in the world.
+            offset: (f64::from(self.offset) / length + moved) as f32,
+            uv: self.uv,
+        }
+    }
+
+    /// The point moved off the surface, to the side that `direction` points to.
+    #[inline]
+    pub fn moved_towards(&self, direction: Vec3) -> Vec3 {
+        self.position + self.normal * self.offset.copysign(direction.dot(self.normal))
+    }
+}
+
+/// Where an instance stands.
+#[derive(Clone, Debug)]
+pub struct Placement {
+    /// From the object's space to render space.
+    pub to_world: DAffine3,
+    /// From render space to the object's space.
+    pub to_object: DAffine3,
+    /// Inverse transpose of the linear part.
+    normal_matrix: DMat3,
+    /// Absolute values of the linear part, for error bounds.
+    magnitude: DMat3,
+}
+
+impl Placement {
+    /// `None` where the transform cannot be inverted.
+    pub fn new(to_world: DAffine3) -> Option<Self> {
+        let to_object = to_world.inverse();
+        if !(to_object.is_finite() && to_world.is_finite()) {
+            return None;
+        }
+        Some(Self {
+            to_world,
+            to_object,
+            normal_matrix: to_object.matrix3.transpose(),
+            magnitude: to_world.matrix3.abs(),
+        })
+    }
+
+    /// The ray in the object's space, with the same parameter.
+    pub fn ray_to_object(&self, ray: &Ray) -> Ray {
+        Ray {
+            origin: self.to_object.transform_point3(ray.origin.as_dvec3()).as_vec3(),
+            direction: self.to_object.transform_vector3(ray.direction.as_dvec3()).as_vec3(),
+            t_max: ray.t_max,
+        }
+    }
+
+    /// A normal of the object in render space; zero where it vanishes.
+    pub fn normal_to_world(&self, normal: Vec3) -> Vec3 {
+        (self.normal_matrix * normal.as_dvec3()).normalize_or_zero().as_vec3()
+    }
+}
+
+/// A hit with everything that shading needs.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceInteraction {
+    /// Geometry of the hit; the normal is the surface's own, after `flip_normal`.
+    pub point: HitPoint,
+    /// Interpolated normal, unit length, on the same side of the surface as the geometric one.
+    pub shading_normal: Vec3,
+    /// Unit direction back along the ray.
+    pub wo: Vec3,
+    /// Distance travelled in render space.
+    pub distance: f32,
+    /// Index of the surface in [`super::Scene::surfaces`].
+    pub surface: u32,
+    /// Primitive of the surface.
+    pub primitive: u32,
+}
+
+impl SurfaceInteraction {
+    /// True where the ray arrived on the side of the normal.
+    #[inline]
+    pub fn is_front(&self) -> bool {
+        self.point.normal.dot(self.wo) > 0.0
+    }
+
+    /// The geometric normal turned to the side the ray arrived from.
+    #[inline]
+    pub fn facing_normal(&self) -> Vec3 {
+        if self.is_front() { self.point.normal } else { -self.point.normal }
+    }
+
+    /// BSDF and frame for `material`. Opaque two-sided materials are turned to the side the ray arrived from; the back
+    /// of a one-sided one is black; an interface keeps the side of its normal.
+    #[inline]
+    pub fn shading(&self, material: &Material) -> Shading {
+        let front = self.is_front();
+        let turned = |n: Vec3| if front { n } else { -n };
+        let (bsdf, keeps_side) = material.bsdf(front);
+        let (geometric, mut shading) = if keeps_side {
+            (self.point.normal, self.shading_normal)
+        } else {
+            (turned(self.point.normal), turned(self.shading_normal))
+        };
+        // An interpolated normal that faces away from the viewer would make a visible surface black.
+        if !(shading.dot(self.wo) * geometric.dot(self.wo) > 0.0) {
+            shading = geometric;
+        }
+        let frame = Frame::from_z(shading);
+        Shading { bsdf, frame, geometric, wo_local: frame.to_local(self.wo) }
+    }
+
+    /// A ray from here in a unit `direction`, started off the surface by this hit's own error bound.
+    #[inline]
+    pub fn spawn(&self, direction: Vec3) -> Ray {
+        Ray::new(self.point.moved_towards(direction), direction)
+    }
+
+    /// The segment from here to `target`, a point that is already off its own surface.
+    #[inline]
+    pub fn spawn_to(&self, target: Vec3) -> Ray {
+        Ray::segment(self.point.moved_towards(target - self.point.position), target)
+    }
+}
+
+/// How a hit scatters: a BSDF and the frame it lives in.
+#[derive(Clone, Copy, Debug)]
+pub struct Shading {
+    /// The model.
+    pub bsdf: Bsdf,
+    /// Frame of the shading normal.
+    pub frame: Frame,
+    /// Geometric normal on the side of the frame's normal.
+    pub geometric: Vec3,
+    /// Direction back along the ray, in the frame.
+    pub wo_local: Vec3,
+}
+
+/// A point on a light for a shadow ray to end at, moved off the light's surface towards `from`.
+pub fn shadow_target(position: DVec3, error: Vec3, normal: Vec3, from: Vec3) -> Vec3 {
+    let point = SurfacePoint { position, error, normal: normal.as_dvec3(), uv: Vec2::ZERO };
+    let point = HitPoint::on_procedural(&point);
+    point.moved_towards(from - point.position)
+}

@@ -1,0 +1,332 @@
+//! Surfaces, where they stand, and the queries that find them.
+
+use super::material::Material;
+use super::render_space::RenderSpace;
+use super::surface::{HitPoint, Placement, Shading, SurfaceInteraction};
+use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
+use crate::lights::{Light, LightId};
+use crate::math::{Ray, unit};
+use crate::media::{AIR, Medium, MediumId};
+use crate::sampling::{Distribution1D, Sobol, warp};
+use glam::Vec3;
+use std::sync::Arc;
+
+/// Triangles with what shading needs beyond their corners.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Corners.
+    pub buffers: TriangleBuffers,
+    /// Unit normals at the vertices, for interpolation; `None` for flat shading.
+    pub normals: Option<Arc<Vec<Vec3>>>,
+}
+
+impl Mesh {
+    /// Interpolated normal, on the side of `geometric`.
+    #[inline]
+    fn shading_normal(&self, primitive: u32, uv: [f32; 2], geometric: Vec3) -> Vec3 {
+        let Some(normals) = &self.normals else { return geometric };
+        let [a, b, c] = self.buffers.triangles()[primitive as usize].map(|v| normals[v as usize]);
+        let normal = a * (1.0 - uv[0] - uv[1]) + b * uv[0] + c * uv[1];
+        match unit(normal) {
+            Some(n) if n.dot(geometric) >= 0.0 => n,
+            Some(n) => -n,
+            None => geometric,
+        }
+    }
+}
+
+/// What Embree knows about a surface.
+#[derive(Clone, Debug)]
+pub enum Geometry {
+    /// Triangles.
+    Mesh(Mesh),
+    /// An exact or procedural shape.
+    Procedural(Arc<dyn Procedural>),
+}
+
+/// A surface: geometry and what it is made of.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// Name in the scene file, and where it stands there, for messages.
+    pub name: String,
+    /// Geometry.
+    pub geometry: Geometry,
+    /// The normal is the opposite of the geometry's own.
+    pub flip_normal: bool,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// The light that this surface is, if it emits.
+    pub light: Option<LightId>,
+}
+
+/// What stands behind a geometry number of the top-level Embree scene.
+#[derive(Clone, Debug)]
+pub enum Node {
+    /// A surface in render space: index into [`Scene::surfaces`].
+    Surface(u32),
+    /// An instance: its geometry number `g` is surface `first + g`.
+    Instance {
+        /// Surface of the prototype's geometry 0.
+        first: u32,
+        /// Where it stands.
+        placement: Box<Placement>,
+    },
+}
+
+/// Everything a scene is made of.
+#[derive(Debug)]
+pub struct SceneParts {
+    /// Name, for messages and metadata.
+    pub name: String,
+    /// The committed top-level scene.
+    pub embree: CommittedScene,
+    /// By geometry number of `embree`.
+    pub nodes: Vec<Node>,
+    /// All surfaces.
+    pub surfaces: Vec<Surface>,
+    /// Materials and their names.
+    pub materials: Vec<(String, Material)>,
+    /// Media; the first is air.
+    pub media: Vec<Medium>,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Map to the world.
+    pub space: RenderSpace,
+    /// Bounds of all surfaces in render space: centre and radius.
+    pub bounds: (Vec3, f32),
+    /// Spheres around each specular surface in render space: where caustic photons are aimed.
+    pub casters: Vec<(Vec3, f32)>,
+}
+
+/// An immutable scene.
+#[derive(Debug)]
+pub struct Scene {
+    parts: SceneParts,
+    /// Lights by their flux; `None` where there is no light.
+    light_power: Option<Distribution1D>,
+    environment: Option<LightId>,
+}
+
+impl Scene {
+    /// A scene of these parts.
+    pub fn new(parts: SceneParts) -> Self {
+        let radius = parts.bounds.1;
+        let flux = parts.lights.iter().map(|light| light.flux(radius).max_element());
+        let light_power = Distribution1D::new(flux);
+        let environment =
+            parts.lights.iter().position(|light| light.is_environment()).map(|index| index as LightId);
+        Self { parts, light_power, environment }
+    }
+
+    /// Name of the scene.
+    pub fn name(&self) -> &str {
+        &self.parts.name
+    }
+
+    /// All surfaces.
+    pub fn surfaces(&self) -> &[Surface] {
+        &self.parts.surfaces
+    }
+
+    /// A surface.
+    #[inline]
+    pub fn surface(&self, interaction: &SurfaceInteraction) -> &Surface {
+        &self.parts.surfaces[interaction.surface as usize]
+    }
+
+    /// Materials and their names.
+    pub fn materials(&self) -> &[(String, Material)] {
+        &self.parts.materials
+    }
+
+    /// Material of a hit.
+    #[inline]
+    pub fn material(&self, interaction: &SurfaceInteraction) -> &Material {
+        &self.parts.materials[self.surface(interaction).material as usize].1
+    }
+
+    /// Media; index 0 is air.
+    pub fn media(&self) -> &[Medium] {
+        &self.parts.media
+    }
+
+    /// A medium.
+    #[inline]
+    pub fn medium(&self, id: MediumId) -> &Medium {
+        &self.parts.media[id as usize]
+    }
+
+    /// Lights.
+    pub fn lights(&self) -> &[Light] {
+        &self.parts.lights
+    }
+
+    /// The light around the scene.
+    pub fn environment(&self) -> Option<LightId> {
+        self.environment
+    }
+
+    /// Lights in proportion to their flux; `None` where nothing emits.
+    pub fn light_power(&self) -> Option<&Distribution1D> {
+        self.light_power.as_ref()
+    }
+
+    /// Map to the world.
+    pub fn space(&self) -> &RenderSpace {
+        &self.parts.space
+    }
+
+    /// Centre and radius of a sphere around all surfaces, render space.
+    pub fn bounds(&self) -> (Vec3, f32) {
+        self.parts.bounds
+    }
+
+    /// Spheres around the specular surfaces, render space.
+    pub fn casters(&self) -> &[(Vec3, f32)] {
+        &self.parts.casters
+    }
+
+    /// The Embree scene, for benchmarks that trace bare rays.
+    pub fn embree(&self) -> &CommittedScene {
+        &self.parts.embree
+    }
+
+    /// What stands behind each geometry number.
+    pub fn nodes(&self) -> &[Node] {
+        &self.parts.nodes
+    }
+
+    /// The nearest surface along `ray`, whose direction must have unit length.
+    #[inline]
+    pub fn intersect(&self, ray: &Ray) -> Option<SurfaceInteraction> {
+        let hit = self.parts.embree.intersect(ray)?;
+        Some(self.interaction(ray, &hit))
+    }
+
+    /// Whether anything lies on the segment.
+    #[inline]
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        self.parts.embree.occluded(ray)
+    }
+
+    /// Turns Embree's hit into a point with its error bound.
+    #[inline]
+    pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
+        let (index, placement) = match (&self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize], hit.instance)
+        {
+            (Node::Surface(index), _) => (*index, None),
+            (Node::Instance { first, placement }, _) => (first + hit.geometry, Some(placement)),
+        };
+        let surface = &self.parts.surfaces[index as usize];
+        let (mut point, mut shading_normal) = match &surface.geometry {
+            Geometry::Mesh(mesh) => {
+                let corners = mesh.buffers.corners(hit.primitive);
+                let point = HitPoint::on_triangle(corners, hit.uv)
+                    .unwrap_or_else(|| flat_hit(corners, -ray.direction));
+                (point, mesh.shading_normal(hit.primitive, hit.uv, point.normal))
+            }
+            Geometry::Procedural(object) => {
+                let local = placement.map_or(*ray, |placement| placement.ray_to_object(ray));
+                let point = HitPoint::on_procedural(&object.refine(hit.primitive, &local, hit.t));
+                (point, point.normal)
+            }
+        };
+        if let Some(placement) = placement {
+            shading_normal = if shading_normal == point.normal {
+                point = point.transformed(placement);
+                point.normal
+            } else {
+                point = point.transformed(placement);
+                placement.normal_to_world(shading_normal)
+            };
+        }
+        if surface.flip_normal {
+            point.normal = -point.normal;
+            shading_normal = -shading_normal;
+        }
+        SurfaceInteraction {
+            point,
+            shading_normal,
+            wo: -ray.direction,
+            distance: hit.t,
+            surface: index,
+            primitive: hit.primitive,
+        }
+    }
+
+    /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the
+    /// shading normal and on the other of the geometric one: light would pass a surface that it does not pass.
+    #[inline]
+    pub fn medium_after(
+        &self,
+        current: MediumId,
+        hit: &SurfaceInteraction,
+        shading: &Shading,
+        direction: Vec3,
+        transmission: bool,
+    ) -> Option<MediumId> {
+        let passes = direction.dot(shading.geometric) * hit.wo.dot(shading.geometric) < 0.0;
+        if passes != transmission {
+            return None;
+        }
+        if !transmission {
+            return Some(current);
+        }
+        let front = direction.dot(hit.point.normal) > 0.0;
+        Some(self.material(hit).medium_on(front).unwrap_or(current))
+    }
+
+    /// True where an interface is met from another medium than it states on that side: the scene's interfaces
+    /// contradict each other.
+    #[inline]
+    pub fn is_medium_mismatch(&self, hit: &SurfaceInteraction, current: MediumId) -> bool {
+        self.material(hit).medium_on(hit.is_front()).is_some_and(|stated| stated != current)
+    }
+
+    /// The medium at `point`, by asking rays in many directions which side of an interface they meet first: the
+    /// majority decides. Air where no ray meets an interface.
+    pub fn medium_at(&self, point: Vec3) -> MediumId {
+        const RAYS: u32 = 32;
+        let sequence = Sobol::new(0x006d_6564_6975_6d00);
+        let mut votes = vec![0u32; self.parts.media.len()];
+        for index in 0..RAYS {
+            let direction = warp::square_to_sphere(sequence.sample_2d(0, index));
+            if let Some(medium) = self.first_interface(Ray::new(point, direction)) {
+                votes[medium as usize] += 1;
+            }
+        }
+        let best = votes.iter().copied().max().unwrap_or(0);
+        if best == 0 {
+            return AIR;
+        }
+        votes.iter().position(|&n| n == best).map_or(AIR, |index| index as MediumId)
+    }
+
+    /// The medium on this side of the first interface along `ray`; opaque surfaces do not bound media and are passed.
+    fn first_interface(&self, mut ray: Ray) -> Option<MediumId> {
+        // A ray that crosses more surfaces than this says nothing; the others decide.
+        const CROSSINGS: u32 = 1000;
+        for _ in 0..CROSSINGS {
+            let hit = self.intersect(&ray)?;
+            if let Some(medium) = self.material(&hit).medium_on(hit.is_front()) {
+                return Some(medium);
+            }
+            ray = hit.spawn(ray.direction);
+        }
+        None
+    }
+}
+
+/// The hit of a triangle that has no area in `f32`, which Embree reports only through rounding: its first corner,
+/// facing the ray.
+#[cold]
+fn flat_hit(corners: [[f32; 3]; 3], normal: Vec3) -> HitPoint {
+    let [a, b, c] = corners.map(Vec3::from_array);
+    let extent = (b - a).abs().max((c - a).abs());
+    HitPoint {
+        position: a,
+        normal,
+        offset: extent.max_element() + 4.0 * f32::EPSILON * a.abs().max_element(),
+        uv: glam::Vec2::ZERO,
+    }
+}

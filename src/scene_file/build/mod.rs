@@ -1,0 +1,520 @@
+//! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
+
+mod place;
+
+use self::place::{Placed, Source};
+use super::description::{
+    CameraDescription, EmissionDescription, LightDescription, Location, MaterialDescription, SceneDescription,
+    SceneWarning, ShapeDescription,
+};
+use super::ply::PlyError;
+use crate::bsdf::Dielectric;
+use crate::camera::Camera;
+use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
+use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointLight};
+use crate::math::{Bounds3, unit_f64};
+use crate::media::Medium;
+use crate::scene::{Geometry, Material, Node, Placement, RenderSpace, Scene, SceneParts, Surface};
+use crate::shapes::{EmitterShape, ShapeError};
+use glam::{DAffine3, DVec3};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A scene and a camera, and what was odd on the way.
+#[derive(Debug)]
+pub struct BuiltScene {
+    /// The scene.
+    pub scene: Scene,
+    /// The camera, for the picture's proportions that were asked for.
+    pub camera: Camera,
+    /// Things a user should know.
+    pub warnings: Vec<SceneWarning>,
+}
+
+/// Why a scene cannot be built: where, what, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[error("{location}: {object}: {problem}")]
+pub struct BuildError {
+    /// Where the object is defined.
+    pub location: Location,
+    /// Which object.
+    pub object: String,
+    /// What is wrong with it.
+    #[source]
+    pub problem: BuildProblem,
+}
+
+/// What can be wrong with an object.
+#[derive(Debug, thiserror::Error)]
+pub enum BuildProblem {
+    /// Its mesh file.
+    #[error(transparent)]
+    Ply(PlyError),
+    /// Its mesh cannot be fitted.
+    #[error("{} has no extent that `fit` could scale; is the mesh empty?", .0.display())]
+    Fit(PathBuf),
+    /// Its triangles.
+    #[error(transparent)]
+    Triangles(#[from] TriangleError),
+    /// Its numbers, once placed.
+    #[error("{0} (after its transform)")]
+    Shape(#[from] ShapeError),
+    /// An emitter under a transform that its sampling does not cover.
+    #[error(
+        "emits and is scaled differently along different axes, which light sampling does not cover; use a mesh for this \
+         emitter, or scale it equally"
+    )]
+    NotSimilar,
+    /// Embree.
+    #[error(transparent)]
+    Embree(#[from] EmbreeError),
+    /// A transform that cannot be inverted.
+    #[error("its transform flattens everything; give it a scale that is not zero")]
+    Singular,
+    /// Nothing to look at.
+    #[error("the camera's position and target coincide, or its up direction is parallel to the view")]
+    Camera,
+    /// A camera that is missing.
+    #[error("has no camera and no shape that one could be framed around; add a [camera] table")]
+    NoCamera,
+    /// Coordinates beyond what can be scaled.
+    #[error("the extent of the scene is not finite; a coordinate is too large")]
+    Extent,
+}
+
+/// Faces with corners so far from the scene's centre, in radii, lose digits that matter.
+const FAR_CAMERA: f64 = 1e5;
+
+/// Builds the scene for a picture of `width` by `height` pixels.
+///
+/// # Errors
+/// Where a mesh cannot be read, a shape has no extent, or Embree runs out of memory; with place, object and remedy.
+pub fn build_scene(
+    description: &SceneDescription,
+    device: &Arc<Device>,
+    (width, height): (u32, u32),
+) -> Result<BuiltScene, BuildError> {
+    let mut builder = Builder::read(description)?;
+    let bounds = builder.world_bounds();
+    if !(bounds.is_empty() || bounds.center().is_finite() && bounds.radius().is_finite()) {
+        return Err(whole(description, BuildProblem::Extent));
+    }
+    let space = RenderSpace::fitting(bounds.center(), bounds.radius());
+    let camera = builder.camera(&bounds, &space, (width, height))?;
+    let (embree, assembly) = builder.assemble(device, &space)?;
+    let radius = space.length(bounds.radius()) as f32;
+    let flux = assembly.flux(description, &space, f64::from(radius));
+    let space = space.with_flux(flux);
+    let lights = assembly.lights(description, &space);
+    let mut surfaces = assembly.surfaces;
+    for (id, emitter) in assembly.emitters.iter().enumerate() {
+        surfaces[emitter.surface].light = Some(id as u32);
+    }
+    let scene = Scene::new(SceneParts {
+        name: description.name.clone(),
+        embree,
+        nodes: assembly.nodes,
+        surfaces,
+        materials: materials(description),
+        media: media(description, &space),
+        lights,
+        space,
+        bounds: (glam::Vec3::ZERO, radius),
+        casters: casters(assembly.casters),
+    });
+    Ok(BuiltScene { scene, camera, warnings: builder.warnings })
+}
+
+fn whole(description: &SceneDescription, problem: BuildProblem) -> BuildError {
+    BuildError { location: description.location.clone(), object: "the scene".into(), problem }
+}
+
+/// Shapes as read, before it is known where render space is.
+struct Builder<'a> {
+    description: &'a SceneDescription,
+    /// By shape: what was read, and its placement in the world or its group.
+    sources: Vec<(Source, DAffine3)>,
+    warnings: Vec<SceneWarning>,
+}
+
+/// A light on a surface, its radiance not yet scaled.
+struct Emitter {
+    surface: usize,
+    pieces: Vec<EmitterShape>,
+    emission: EmissionDescription,
+    flip: bool,
+}
+
+/// What the top-level scene consists of.
+#[derive(Default)]
+struct Assembly {
+    nodes: Vec<Node>,
+    surfaces: Vec<Surface>,
+    emitters: Vec<Emitter>,
+    casters: Vec<(DVec3, f64)>,
+}
+
+impl<'a> Builder<'a> {
+    fn read(description: &'a SceneDescription) -> Result<Self, BuildError> {
+        let mut warnings = description.warnings.clone();
+        let mut sources = Vec::with_capacity(description.shapes.len());
+        for shape in &description.shapes {
+            let error = |problem| error_of(shape, problem);
+            let (source, before, report) = Source::read(&shape.value.geometry).map_err(error)?;
+            let mut warn = |message: String| {
+                warnings.push(SceneWarning { location: shape.location.clone(), message });
+            };
+            for finding in report.findings() {
+                warn(format!("{}: {finding}", shape.name));
+            }
+            if matches!(&source, Source::Mesh(mesh) if mesh.triangles.is_empty()) {
+                warn(format!("{}: the mesh is empty, nothing of it will be seen", shape.name));
+            }
+            let transform = shape.value.transform * before;
+            if !(transform.matrix3.determinant() != 0.0 && transform.is_finite()) {
+                return Err(error(BuildProblem::Singular));
+            }
+            sources.push((source, transform));
+        }
+        Ok(Self { description, sources, warnings })
+    }
+
+    /// Each placement of each shape: its index, and from its own space to the world. Shapes of groups come once for
+    /// each instance.
+    fn placements(&self) -> impl Iterator<Item = (usize, DAffine3, Option<usize>)> + '_ {
+        let shapes = self.description.shapes.iter().enumerate();
+        shapes.flat_map(move |(index, shape)| {
+            let transform = self.sources[index].1;
+            let instances = self.description.instances.iter().enumerate();
+            let alone = shape.value.group.is_none().then_some((index, transform, None));
+            let placed = instances
+                .filter(move |(_, instance)| shape.value.group == Some(instance.value.group))
+                .map(move |(number, instance)| (index, instance.value.transform * transform, Some(number)));
+            alone.into_iter().chain(placed)
+        })
+    }
+
+    fn world_bounds(&self) -> Bounds3 {
+        self.placements().fold(Bounds3::EMPTY, |bounds, (index, transform, _)| {
+            bounds.union(self.sources[index].0.bounds(&transform))
+        })
+    }
+
+    fn camera(
+        &mut self,
+        bounds: &Bounds3,
+        space: &RenderSpace,
+        (width, height): (u32, u32),
+    ) -> Result<Camera, BuildError> {
+        let aspect = f64::from(width) / f64::from(height);
+        let description = match &self.description.camera {
+            Some(camera) => camera.clone(),
+            None if bounds.is_empty() => return Err(whole(self.description, BuildProblem::NoCamera)),
+            None => framing(bounds, aspect, &self.description.location),
+        };
+        let error = || BuildError {
+            location: description.location.clone(),
+            object: "camera".into(),
+            problem: BuildProblem::Camera,
+        };
+        let (eye, at) = (space.position(description.eye), space.position(description.at));
+        if eye.length() > FAR_CAMERA {
+            self.warnings.push(SceneWarning {
+                location: description.location.clone(),
+                message: format!(
+                    "the camera is {:.0} scene radii away, where rays of single precision lose the scene's details; is \
+                     the unit of the camera that of the scene?",
+                    eye.length()
+                ),
+            });
+        }
+        let fov = description.vertical_fov(width, height);
+        Camera::look_at(eye, at, description.up, fov, aspect).ok_or_else(error)
+    }
+
+    fn assemble(
+        &self,
+        device: &Arc<Device>,
+        space: &RenderSpace,
+    ) -> Result<(crate::embree::CommittedScene, Assembly), BuildError> {
+        let fail = |problem: EmbreeError| whole(self.description, problem.into());
+        let mut top = SceneBuilder::new(device).map_err(fail)?;
+        let mut assembly = Assembly::default();
+        let to_render = space.to_affine();
+        let mut instanced = vec![false; self.description.shapes.len()];
+        for (index, transform, instance) in self.placements() {
+            let shape = &self.description.shapes[index];
+            let source = &self.sources[index].0;
+            let total = to_render * transform;
+            let emits = shape.value.emission.is_some();
+            // Emitters are lights of their own wherever they stand, so they are never instanced.
+            if instance.is_some() && !emits && !source.needs_instance(&total) {
+                instanced[index] = true;
+                continue;
+            }
+            if source.needs_instance(&total) {
+                if emits {
+                    return Err(error_of(shape, BuildProblem::NotSimilar));
+                }
+                self.add_distorted(index, &total, device, &mut top, &mut assembly)?;
+                continue;
+            }
+            let placed = source.place(&total, emits).map_err(|problem| error_of(shape, problem))?;
+            self.add_surface(index, placed, &mut top, &mut assembly)?;
+        }
+        self.add_groups(&instanced, &to_render, device, &mut top, &mut assembly)?;
+        Ok((top.commit().map_err(fail)?, assembly))
+    }
+
+    fn add_surface(
+        &self,
+        index: usize,
+        placed: Placed,
+        builder: &mut SceneBuilder,
+        assembly: &mut Assembly,
+    ) -> Result<(), BuildError> {
+        let shape = &self.description.shapes[index];
+        add_geometry(builder, &placed.geometry).map_err(|problem| error_of(shape, problem.into()))?;
+        let flip = shape.value.flip_normal != placed.flip;
+        let surface = assembly.surfaces.len();
+        if let Some(emission) = shape.value.emission.filter(|_| !placed.emitter.is_empty()) {
+            assembly.emitters.push(Emitter { surface, pieces: placed.emitter, emission, flip });
+        }
+        if self.is_caster(index) && !placed.bounds.is_empty() {
+            assembly.casters.push(placed.sphere);
+        }
+        assembly.nodes.push(Node::Surface(surface as u32));
+        assembly.surfaces.push(self.surface(index, placed.geometry, flip));
+        Ok(())
+    }
+
+    /// A shape that its transform distorts: an instance of the undistorted one.
+    fn add_distorted(
+        &self,
+        index: usize,
+        total: &DAffine3,
+        device: &Arc<Device>,
+        top: &mut SceneBuilder,
+        assembly: &mut Assembly,
+    ) -> Result<(), BuildError> {
+        let shape = &self.description.shapes[index];
+        let error = |problem| error_of(shape, problem);
+        let source = &self.sources[index].0;
+        // Its own space is made to fit the unit sphere too.
+        let own = source.bounds(&DAffine3::IDENTITY);
+        let local = RenderSpace::fitting(own.center(), own.radius()).to_affine();
+        let placed = source.place(&local, false).map_err(error)?;
+        let mut builder = SceneBuilder::new(device).map_err(|problem| error(problem.into()))?;
+        add_geometry(&mut builder, &placed.geometry).map_err(|problem| error(problem.into()))?;
+        let committed = Arc::new(builder.commit().map_err(|problem| error(problem.into()))?);
+        let first = assembly.surfaces.len() as u32;
+        assembly.surfaces.push(self.surface(index, placed.geometry, shape.value.flip_normal));
+        let placement = Placement::new(*total * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
+        top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
+        if self.is_caster(index) {
+            let bounds = source.bounds(total);
+            assembly.casters.push((bounds.center(), bounds.radius()));
+        }
+        assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
+        Ok(())
+    }
+
+    /// Groups whose shapes are shared by their instances: one Embree scene each.
+    fn add_groups(
+        &self,
+        instanced: &[bool],
+        to_render: &DAffine3,
+        device: &Arc<Device>,
+        top: &mut SceneBuilder,
+        assembly: &mut Assembly,
+    ) -> Result<(), BuildError> {
+        for (group, name) in self.description.groups.iter().enumerate() {
+            let members: Vec<usize> = (0..instanced.len())
+                .filter(|&i| instanced[i] && self.description.shapes[i].value.group == Some(group))
+                .collect();
+            if members.is_empty() {
+                continue;
+            }
+            let error = |problem: BuildProblem| BuildError {
+                location: name.location.clone(),
+                object: format!("group `{}`", name.name),
+                problem,
+            };
+            let bounds = members.iter().fold(Bounds3::EMPTY, |bounds, &i| {
+                bounds.union(self.sources[i].0.bounds(&self.sources[i].1))
+            });
+            let local = RenderSpace::fitting(bounds.center(), bounds.radius()).to_affine();
+            let mut builder = SceneBuilder::new(device).map_err(|problem| error(problem.into()))?;
+            let first = assembly.surfaces.len() as u32;
+            for &index in &members {
+                let shape = &self.description.shapes[index];
+                let (source, transform) = &self.sources[index];
+                let placed =
+                    source.place(&(local * *transform), false).map_err(|problem| error_of(shape, problem))?;
+                add_geometry(&mut builder, &placed.geometry)
+                    .map_err(|problem| error_of(shape, problem.into()))?;
+                let flip = shape.value.flip_normal != placed.flip;
+                assembly.surfaces.push(self.surface(index, placed.geometry, flip));
+            }
+            let committed = Arc::new(builder.commit().map_err(|problem| error(problem.into()))?);
+            for instance in self.description.instances.iter().filter(|i| i.value.group == group) {
+                let world = *to_render * instance.value.transform;
+                let placement =
+                    Placement::new(world * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
+                top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
+                for &index in members.iter().filter(|&&index| self.is_caster(index)) {
+                    let (source, transform) = &self.sources[index];
+                    let bounds = source.bounds(&(world * *transform));
+                    assembly.casters.push((bounds.center(), bounds.radius()));
+                }
+                assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
+            }
+        }
+        Ok(())
+    }
+
+    fn surface(&self, index: usize, geometry: Geometry, flip_normal: bool) -> Surface {
+        let shape = &self.description.shapes[index];
+        Surface {
+            name: shape.name.clone(),
+            geometry,
+            flip_normal,
+            material: shape.value.material as u32,
+            light: None,
+        }
+    }
+
+    fn is_caster(&self, index: usize) -> bool {
+        let material = self.description.shapes[index].value.material;
+        match &self.description.materials[material].value {
+            MaterialDescription::Lambert { .. } => false,
+            MaterialDescription::Mirror { reflectance, .. } => reflectance.max_element() > 0.0,
+            MaterialDescription::Dielectric { .. } => true,
+        }
+    }
+}
+
+impl Assembly {
+    /// Largest channel of the flux of all lights, in render units before the power factor.
+    fn flux(&self, description: &SceneDescription, space: &RenderSpace, radius: f64) -> f64 {
+        let disc = std::f64::consts::PI * radius * radius;
+        let mut total = DVec3::ZERO;
+        for emitter in &self.emitters {
+            let area: f64 = emitter.pieces.iter().map(EmitterShape::area).sum();
+            let sides = if emitter.emission.two_sided { 2.0 } else { 1.0 };
+            total += emitter.emission.radiance * (std::f64::consts::PI * area * sides);
+        }
+        for light in &description.lights {
+            total += match &light.value {
+                LightDescription::Point { intensity, .. } => {
+                    *intensity * (4.0 * std::f64::consts::PI * space.scale * space.scale)
+                }
+                LightDescription::Directional { irradiance, .. } => *irradiance * disc,
+                LightDescription::Environment { radiance } => *radiance * (4.0 * std::f64::consts::PI * disc),
+            };
+        }
+        total.max_element()
+    }
+
+    fn lights(&self, description: &SceneDescription, space: &RenderSpace) -> Vec<Light> {
+        let scaled = |colour: DVec3| (colour * space.power).as_vec3();
+        let areas = self.emitters.iter().filter_map(|emitter| {
+            let radiance = scaled(emitter.emission.radiance);
+            AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip)
+                .map(Light::Area)
+        });
+        let others = description.lights.iter().map(|light| match &light.value {
+            LightDescription::Point { position, intensity } => Light::Point(PointLight {
+                position: space.position(*position).as_vec3(),
+                intensity: scaled(*intensity * (space.scale * space.scale)),
+            }),
+            LightDescription::Directional { direction, irradiance } => Light::Directional(DirectionalLight {
+                direction: unit_f64(*direction).unwrap_or(DVec3::NEG_Y).as_vec3(),
+                irradiance: scaled(*irradiance),
+            }),
+            LightDescription::Environment { radiance } => {
+                Light::Environment(EnvironmentLight { radiance: scaled(*radiance) })
+            }
+        });
+        areas.chain(others).collect()
+    }
+}
+
+fn error_of(shape: &super::Named<ShapeDescription>, problem: BuildProblem) -> BuildError {
+    BuildError { location: shape.location.clone(), object: format!("shape `{}`", shape.name), problem }
+}
+
+fn add_geometry(builder: &mut SceneBuilder, geometry: &Geometry) -> Result<u32, EmbreeError> {
+    match geometry {
+        Geometry::Mesh(mesh) => builder.add_triangles(mesh.buffers.clone()),
+        Geometry::Procedural(object) => builder.add_procedural(Arc::clone(object)),
+    }
+}
+
+fn materials(description: &SceneDescription) -> Vec<(String, Material)> {
+    let ior = |medium: usize| description.media[medium].value.ior;
+    description
+        .materials
+        .iter()
+        .map(|material| {
+            let value = match material.value {
+                MaterialDescription::Lambert { reflectance, two_sided } => {
+                    Material::Lambert { reflectance, two_sided }
+                }
+                MaterialDescription::Mirror { reflectance, two_sided } => {
+                    Material::Mirror { reflectance, two_sided }
+                }
+                MaterialDescription::Dielectric { inside, outside } => Material::Dielectric {
+                    inside: inside as u32,
+                    outside: outside as u32,
+                    interface: Dielectric::new(ior(outside), ior(inside)),
+                },
+            };
+            (material.name.clone(), value)
+        })
+        .collect()
+}
+
+fn media(description: &SceneDescription, space: &RenderSpace) -> Vec<Medium> {
+    let medium = |medium: &super::Named<super::MediumDescription>| Medium {
+        name: medium.name.clone(),
+        ior: medium.value.ior as f32,
+        absorption: (medium.value.absorption / space.scale).as_vec3(),
+    };
+    description.media.iter().map(medium).collect()
+}
+
+/// More casters than this are aimed at as one.
+const MOST_CASTERS: usize = 16;
+
+fn casters(spheres: Vec<(DVec3, f64)>) -> Vec<(glam::Vec3, f32)> {
+    // Rounding of centre and radius must not let the shape out.
+    let rounded = |(center, radius): (DVec3, f64)| (center.as_vec3(), (radius * (1.0 + 1e-5)) as f32);
+    if spheres.len() <= MOST_CASTERS {
+        return spheres.into_iter().map(rounded).collect();
+    }
+    let bounds = spheres.iter().fold(Bounds3::EMPTY, |bounds, (center, radius)| {
+        bounds.with_point(*center - *radius).with_point(*center + *radius)
+    });
+    let center = bounds.center();
+    let radius = spheres.iter().map(|(c, r)| (*c - center).length() + r).fold(0.0, f64::max);
+    vec![rounded((center, radius))]
+}
+
+/// A camera that looks at the whole scene from above and in front.
+fn framing(bounds: &Bounds3, aspect: f64, location: &Location) -> CameraDescription {
+    const FOV: f64 = 35.0;
+    let half = (0.5 * FOV).to_radians();
+    // The sphere around the scene fills the smaller side of the picture.
+    let narrower = if aspect < 1.0 { (half.tan() * aspect).atan() } else { half };
+    let distance = (bounds.radius() / narrower.sin()).max(f64::MIN_POSITIVE);
+    let from = DVec3::new(0.45, 0.35, 1.0).normalize_or_zero();
+    CameraDescription {
+        location: location.clone(),
+        eye: bounds.center() + from * distance,
+        at: bounds.center(),
+        up: DVec3::Y,
+        fov: FOV,
+        fov_axis: super::FovAxis::Vertical,
+    }
+}

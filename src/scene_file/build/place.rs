@@ -1,0 +1,254 @@
+//! From a described shape to geometry in its target space: render space, or the space of a group.
+
+use super::BuildProblem;
+use crate::embree::{Procedural, TriangleBuffers};
+use crate::math::{Bounds3, unit_f64};
+use crate::scene::{Geometry, Mesh};
+use crate::scene_file::GeometryDescription;
+use crate::scene_file::description::MeshNormals;
+use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh};
+use crate::scene_file::ply::read_ply;
+use crate::shapes::{Cylinder, Disc, EmitterShape, Quad, Sphere, Triangle};
+use glam::{DAffine3, DVec3, Vec3};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// A shape read from its file and ready to be placed. Lengths as in the description.
+#[derive(Debug)]
+pub(super) enum Source {
+    Mesh(TriangleMesh),
+    Quad { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
+    Sphere { center: DVec3, radius: f64 },
+    Cylinder { base: DVec3, top: DVec3, radius: f64 },
+    Disc { center: DVec3, normal: DVec3, radius: f64 },
+}
+
+/// A shape in its target space.
+#[derive(Debug)]
+pub(super) struct Placed {
+    pub geometry: Geometry,
+    /// Bounds in the target space.
+    pub bounds: Bounds3,
+    /// A sphere around it, close where the shape is round.
+    pub sphere: (DVec3, f64),
+    /// The surface's normal is the opposite of the geometry's own.
+    pub flip: bool,
+    /// What an emitter of this shape samples, by primitive; only where asked for.
+    pub emitter: Vec<EmitterShape>,
+}
+
+impl Source {
+    /// Reads what has to be read. The transform that a fit adds is returned, to be applied first.
+    pub(super) fn read(
+        description: &GeometryDescription,
+    ) -> Result<(Self, DAffine3, MeshReport), BuildProblem> {
+        let mut before = DAffine3::IDENTITY;
+        let mut report = MeshReport::default();
+        let source = match description {
+            GeometryDescription::MeshFile { path, normals, fit } => {
+                let (mut mesh, found) = read_ply(path).map_err(BuildProblem::Ply)?;
+                report = found;
+                choose_normals(&mut mesh, *normals);
+                if let Some(fit) = fit {
+                    before = fit.transform(&mesh.bounds()).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
+                }
+                Self::Mesh(mesh)
+            }
+            GeometryDescription::Mesh { positions, triangles, normals } => {
+                let positions = Positions::Double(positions.iter().map(DVec3::to_array).collect());
+                let mut mesh =
+                    TriangleMesh { positions, triangles: triangles.clone(), normals: None, uvs: None };
+                choose_normals(&mut mesh, *normals);
+                Self::Mesh(mesh)
+            }
+            &GeometryDescription::Quad { corner, edge_u, edge_v } => Self::Quad { corner, edge_u, edge_v },
+            &GeometryDescription::Sphere { center, radius } => Self::Sphere { center, radius },
+            &GeometryDescription::Cylinder { base, top, radius } => Self::Cylinder { base, top, radius },
+            &GeometryDescription::Disc { center, normal, radius } => Self::Disc { center, normal, radius },
+        };
+        Ok((source, before, report))
+    }
+
+    /// Bounds under `transform`.
+    pub(super) fn bounds(&self, transform: &DAffine3) -> Bounds3 {
+        match self {
+            Self::Mesh(mesh) => mesh
+                .triangles
+                .par_iter()
+                .map(|&triangle| {
+                    let corners = mesh.positions.corners(triangle);
+                    Bounds3::of_points(corners.map(|corner| transform.transform_point3(corner)))
+                })
+                .reduce(|| Bounds3::EMPTY, Bounds3::union),
+            Self::Quad { corner, edge_u, edge_v } => {
+                let corners = [*corner, corner + edge_u, corner + edge_v, corner + edge_u + edge_v];
+                Bounds3::of_points(corners.map(|corner| transform.transform_point3(corner)))
+            }
+            Self::Sphere { center, radius } => {
+                let center = transform.transform_point3(*center);
+                // Half extents of an ellipsoid: lengths of the rows of its matrix.
+                let rows = transform.matrix3.transpose();
+                let extent = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
+                let extent = extent * *radius;
+                Bounds3 { min: center - extent, max: center + extent }
+            }
+            Self::Cylinder { base, top, radius } => {
+                let reach = Bounds3 { min: DVec3::splat(-*radius), max: DVec3::splat(*radius) };
+                let end = |center: &DVec3| Bounds3 { min: center + reach.min, max: center + reach.max };
+                end(base).union(end(top)).transformed(transform)
+            }
+            Self::Disc { center, radius, .. } => {
+                Bounds3 { min: center - *radius, max: center + *radius }.transformed(transform)
+            }
+        }
+    }
+
+    /// True where `transform` turns the shape into another that has no exact intersection here: a sphere into an
+    /// ellipsoid. Such shapes stand as instances.
+    pub(super) fn needs_instance(&self, transform: &DAffine3) -> bool {
+        match self {
+            Self::Mesh(_) | Self::Quad { .. } => false,
+            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } => similarity(transform).is_none(),
+        }
+    }
+
+    /// The shape under `transform`. `emits` asks for what light sampling needs.
+    pub(super) fn place(&self, transform: &DAffine3, emits: bool) -> Result<Placed, BuildProblem> {
+        match self {
+            Self::Mesh(mesh) => place_mesh(mesh, transform, emits),
+            Self::Quad { corner, edge_u, edge_v } => {
+                let corner = transform.transform_point3(*corner);
+                let edge_u = transform.transform_vector3(*edge_u);
+                let edge_v = transform.transform_vector3(*edge_v);
+                place_quad(corner, edge_u, edge_v, is_mirrored(transform), emits)
+            }
+            Self::Sphere { center, radius } => {
+                let scale = similarity(transform).ok_or(BuildProblem::NotSimilar)?;
+                let sphere = Sphere::new(transform.transform_point3(*center), radius * scale)?;
+                let around = (sphere.center(), sphere.radius());
+                Ok(exact(sphere, around, emits.then_some(EmitterShape::Sphere(sphere))))
+            }
+            Self::Cylinder { base, top, radius } => {
+                let scale = similarity(transform).ok_or(BuildProblem::NotSimilar)?;
+                let (base, top) = (transform.transform_point3(*base), transform.transform_point3(*top));
+                let cylinder = Cylinder::new(base, top, radius * scale)?;
+                let around = (0.5 * (base + top), (radius * scale).hypot(0.5 * (top - base).length()));
+                Ok(exact(cylinder, around, emits.then_some(EmitterShape::Cylinder(cylinder))))
+            }
+            Self::Disc { center, normal, radius } => {
+                let scale = similarity(transform).ok_or(BuildProblem::NotSimilar)?;
+                let center = transform.transform_point3(*center);
+                // Under a similarity normals turn like vectors, mirrored or not.
+                let disc = Disc::new(center, transform.transform_vector3(*normal), radius * scale)?;
+                Ok(exact(disc, (center, radius * scale), emits.then_some(EmitterShape::Disc(disc))))
+            }
+        }
+    }
+}
+
+fn exact<P: Procedural + 'static>(shape: P, sphere: (DVec3, f64), emitter: Option<EmitterShape>) -> Placed {
+    let bounds = shape.bounds(0);
+    Placed {
+        geometry: Geometry::Procedural(Arc::new(shape)),
+        bounds,
+        sphere,
+        flip: false,
+        emitter: emitter.into_iter().collect(),
+    }
+}
+
+/// The common factor on lengths, where `transform` keeps angles.
+pub(super) fn similarity(transform: &DAffine3) -> Option<f64> {
+    /// Angles and lengths that agree to this come from rounding.
+    const TOLERANCE: f64 = 1e-9;
+    let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
+    let (a, b, c) = (x.length(), y.length(), z.length());
+    let largest = a.max(b).max(c);
+    let same = (a - b).abs().max((b - c).abs()) <= TOLERANCE * largest;
+    let (xy, yz, zx) = (x.dot(y).abs(), y.dot(z).abs(), z.dot(x).abs());
+    (same && xy.max(yz).max(zx) <= TOLERANCE * largest * largest).then_some(a)
+}
+
+fn is_mirrored(transform: &DAffine3) -> bool {
+    transform.matrix3.determinant() < 0.0
+}
+
+fn choose_normals(mesh: &mut TriangleMesh, normals: MeshNormals) {
+    match normals {
+        MeshNormals::FromFile => {}
+        MeshNormals::Flat => mesh.normals = None,
+        MeshNormals::Smooth => mesh.normals = Some(mesh.smooth_normals()),
+    }
+}
+
+fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<Placed, BuildProblem> {
+    let place = |vertex: DVec3| transform.transform_point3(vertex).as_vec3().to_array();
+    let positions: Vec<[f32; 3]> = match &mesh.positions {
+        Positions::Single(p) => {
+            p.par_iter().map(|&p| place(Vec3::from_array(p).as_dvec3())).collect()
+        }
+        Positions::Double(p) => p.par_iter().map(|&p| place(DVec3::from_array(p))).collect(),
+    };
+    let mirrored = is_mirrored(transform);
+    let mut triangles = mesh.triangles.clone();
+    if mirrored {
+        triangles.par_iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    }
+    let corners = |triangle: &[u32; 3]| {
+        triangle.map(|vertex| Vec3::from_array(positions[vertex as usize]).as_dvec3())
+    };
+    let mut emitter = Vec::new();
+    if emits {
+        // A light has one piece for each primitive, so triangles that lost their area to rounding have to go.
+        triangles.retain(|triangle| {
+            let [a, b, c] = corners(triangle);
+            Triangle::new(a, b, c).map(|piece| emitter.push(EmitterShape::Triangle(piece))).is_ok()
+        });
+    }
+    let bounds = triangles
+        .par_iter()
+        .map(|triangle| Bounds3::of_points(corners(triangle)))
+        .reduce(|| Bounds3::EMPTY, Bounds3::union);
+    let center = bounds.center();
+    let radius = triangles
+        .par_iter()
+        .map(|triangle| corners(triangle).map(|corner| (corner - center).length()).into_iter().fold(0.0, f64::max))
+        .reduce(|| 0.0, f64::max);
+    let normal_matrix = transform.matrix3.inverse().transpose();
+    let turn = |normal: &Vec3| {
+        unit_f64(normal_matrix * normal.as_dvec3()).map_or(Vec3::ZERO, |normal| normal.as_vec3())
+    };
+    let normals = mesh.normals.as_ref().map(|normals| Arc::new(normals.par_iter().map(turn).collect()));
+    let buffers = TriangleBuffers::new(positions, triangles)?;
+    Ok(Placed {
+        geometry: Geometry::Mesh(Mesh { buffers, normals }),
+        bounds,
+        sphere: (center, radius),
+        flip: false,
+        emitter,
+    })
+}
+
+fn place_quad(
+    corner: DVec3,
+    edge_u: DVec3,
+    edge_v: DVec3,
+    mirrored: bool,
+    emits: bool,
+) -> Result<Placed, BuildProblem> {
+    // A mirrored quad keeps its side: the edges swap.
+    let (edge_u, edge_v) = if mirrored { (edge_v, edge_u) } else { (edge_u, edge_v) };
+    let corners = [corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v];
+    let positions = corners.iter().map(|corner| corner.as_vec3().to_array()).collect();
+    let buffers = TriangleBuffers::new(positions, vec![[0, 1, 2], [0, 2, 3]])?;
+    let bounds = Bounds3::of_points(corners);
+    let emitter =
+        if emits { vec![EmitterShape::Quad(Quad::new(corner, edge_u, edge_v)?)] } else { Vec::new() };
+    Ok(Placed {
+        geometry: Geometry::Mesh(Mesh { buffers, normals: None }),
+        bounds,
+        sphere: (bounds.center(), bounds.radius()),
+        flip: false,
+        emitter,
+    })
+}

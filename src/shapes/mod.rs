@@ -1,0 +1,129 @@
+//! Exact shapes: what is never tessellated, and how emitters of every shape are sampled.
+//!
+//! [`Sphere`], [`Cylinder`] and [`Disc`] are [`crate::embree::Procedural`]: intersected in `f64` from the
+//! `f32` ray, in their own space. [`Quad`] and [`Triangle`] are intersected by Embree and only sampled here.
+//!
+//! # Sampling
+//!
+//! Each shape has
+//! - `area()`, of one side;
+//! - `sample_area(u)`: a point uniform over the area, `pdf_area = 1 / area`;
+//! - `sample_solid_angle(reference, u)`: a point, with the density per solid angle of the direction to it as seen
+//!   from `reference`, in front of the surface or behind. `None` where that density is zero or infinite: the
+//!   surface is seen edge-on, or the reference is the sampled point;
+//! - `pdf_solid_angle(reference, position)`: the same density for any point `position` of the shape; zero where
+//!   it would be infinite.
+//!
+//! `u` is in `[0, 1)^2`. Both sides of a shape are sampled, facing the reference or not and visible or not: which
+//! side emits, and what is in between, is for the light to ask. Densities are `f32`, 1/m^2 of the shape's space
+//! and 1/sr; all else is `f64`.
+
+mod cylinder;
+mod disc;
+mod emitter_shape;
+mod quad;
+mod roots;
+mod sphere;
+mod triangle;
+
+#[cfg(test)]
+mod tests;
+
+pub use cylinder::Cylinder;
+pub use disc::Disc;
+pub use emitter_shape::EmitterShape;
+pub use quad::{Quad, SMALLEST_SPHERICAL_RECTANGLE};
+pub use sphere::Sphere;
+pub use triangle::Triangle;
+
+use crate::math::Bounds3;
+use glam::{DVec3, Vec3};
+
+/// Why a shape cannot be made of its numbers.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum ShapeError {
+    /// A radius that is not a positive finite number.
+    #[error("radius {0} is not positive and finite")]
+    Radius(f64),
+    /// A coordinate that is NaN or infinite.
+    #[error("coordinate of ({0}, {1}, {2}) is not finite", .point.x, .point.y, .point.z)]
+    NotFinite {
+        /// The point or vector with that coordinate.
+        point: DVec3,
+    },
+    /// Two ends, edges or corners that span no area, or a normal of length zero.
+    #[error("no area: ends coincide, edges are parallel or the normal is zero")]
+    NoArea,
+}
+
+/// A point drawn uniformly from the area of a shape.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AreaSample {
+    /// Position on the surface.
+    pub position: DVec3,
+    /// Unit normal on the outer side.
+    pub normal: DVec3,
+    /// Density per area, one side: `1 / area`.
+    pub pdf_area: f32,
+}
+
+/// A point of a shape, drawn as seen from elsewhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolidAngleSample {
+    /// Position on the surface.
+    pub position: DVec3,
+    /// Unit normal on the outer side; may face away from the reference.
+    pub normal: DVec3,
+    /// Density of the direction from the reference to `position`, per solid angle, 1/sr; positive and finite.
+    pub pdf_solid_angle: f32,
+}
+
+fn finite(point: DVec3) -> Result<DVec3, ShapeError> {
+    if point.is_finite() { Ok(point) } else { Err(ShapeError::NotFinite { point }) }
+}
+
+fn positive_radius(radius: f64) -> Result<f64, ShapeError> {
+    // The square of the radius is formed; beyond these it would leave the range of f64.
+    if (1e-150..=1e150).contains(&radius) { Ok(radius) } else { Err(ShapeError::Radius(radius)) }
+}
+
+/// Density per solid angle of a density per area: `pdf_area distance^2 / |cos|`, with the cosine at the
+/// sampled surface. `None` where it is zero, infinite or NaN.
+fn solid_angle_density(pdf_area: f64, reference: DVec3, position: DVec3, normal: DVec3) -> Option<f32> {
+    let to_surface = position - reference;
+    let distance_squared = to_surface.length_squared();
+    let cos_times_distance = to_surface.dot(normal).abs();
+    let pdf = (pdf_area * distance_squared * distance_squared.sqrt() / cos_times_distance) as f32;
+    (pdf > 0.0 && pdf.is_finite()).then_some(pdf)
+}
+
+/// [`AreaSample`] as seen from `reference`.
+fn seen_from(reference: DVec3, sample: AreaSample, area: f64) -> Option<SolidAngleSample> {
+    let AreaSample { position, normal, .. } = sample;
+    let pdf_solid_angle = solid_angle_density(1.0 / area, reference, position, normal)?;
+    Some(SolidAngleSample { position, normal, pdf_solid_angle })
+}
+
+/// A unit vector perpendicular to the unit vector `v`, and the third that makes a right-handed frame with `v`
+/// last.
+fn tangents(v: DVec3) -> (DVec3, DVec3) {
+    // The construction of `math::Frame`, in f64.
+    let sign = 1f64.copysign(v.z);
+    let a = -1.0 / (sign + v.z);
+    let b = v.x * v.y * a;
+    (DVec3::new(1.0 + sign * v.x * v.x * a, sign * b, -sign * v.x), DVec3::new(b, sign + v.y * v.y * a, -v.y))
+}
+
+/// Relative error that a dozen roundings in `f64` leave: bound per unit of the numbers involved.
+const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
+
+/// Error bound for coordinates made from `point` and lengths up to `extent`, rounded up to `f32`.
+fn error_bound(point: DVec3, extent: f64) -> Vec3 {
+    (ROUNDINGS * (point.abs() + extent)).to_array().map(|e| (e as f32).next_up()).into()
+}
+
+/// `bounds` grown by the rounding of its own corners, so that no computed point lies outside.
+fn grown(bounds: Bounds3) -> Bounds3 {
+    let margin = ROUNDINGS * bounds.min.abs().max(bounds.max.abs()).max_element();
+    Bounds3 { min: bounds.min - margin, max: bounds.max + margin }
+}

@@ -1,0 +1,142 @@
+use super::roots::{accept, nearest_to, sphere_roots};
+use super::{
+    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, positive_radius, seen_from,
+    solid_angle_density, tangents,
+};
+use crate::embree::{Procedural, SurfacePoint};
+use crate::math::{Bounds3, Ray, unit_f64};
+use glam::{DVec3, Vec2};
+use std::f64::consts::{PI, TAU};
+
+/// A sphere; normal outward. Surface parameters: `u` is the azimuth around the y axis over `2 pi`, from +x
+/// counter-clockwise as seen from above; `v` the angle from +y over `pi`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    center: DVec3,
+    radius: f64,
+}
+
+impl Sphere {
+    /// A sphere of positive `radius`.
+    pub fn new(center: DVec3, radius: f64) -> Result<Self, ShapeError> {
+        Ok(Self { center: finite(center)?, radius: positive_radius(radius)? })
+    }
+
+    /// Centre.
+    pub fn center(&self) -> DVec3 {
+        self.center
+    }
+
+    /// Radius.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// Area of the surface.
+    pub fn area(&self) -> f64 {
+        4.0 * PI * self.radius * self.radius
+    }
+
+    /// The smallest box around the sphere, but for rounding.
+    pub fn bounds(&self) -> Bounds3 {
+        grown(Bounds3 { min: self.center - self.radius, max: self.center + self.radius })
+    }
+
+    /// A point uniform over the area.
+    pub fn sample_area(&self, u: Vec2) -> AreaSample {
+        let drop = 2.0 * f64::from(u.x);
+        let sin = (drop * (2.0 - drop)).sqrt();
+        let (s, c) = (TAU * f64::from(u.y)).sin_cos();
+        let normal = DVec3::new(sin * c, sin * s, 1.0 - drop);
+        let pdf_area = (1.0 / self.area()) as f32;
+        AreaSample { position: self.center + self.radius * normal, normal, pdf_area }
+    }
+
+    /// `1 - cos` of the half angle of the cone in which `reference` sees the sphere; `None` from inside.
+    fn cone(&self, reference: DVec3) -> Option<f64> {
+        let distance = (self.center - reference).length();
+        let sin = self.radius / distance;
+        // The cosine by a product, as 1 - sin^2 cancels close to the surface.
+        let cos = ((distance - self.radius) * (distance + self.radius)).sqrt() / distance;
+        (distance > self.radius).then(|| sin * sin / (1.0 + cos))
+    }
+
+    /// A point of the visible cap, uniform over the solid angle that the sphere covers; from inside or on the
+    /// surface, uniform over the area. Stable for spheres that cover 1e-30 sr and for references that touch.
+    pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
+        let Some(one_minus_cos) = self.cone(reference) else {
+            return seen_from(reference, self.sample_area(u), self.area());
+        };
+        let away = reference - self.center;
+        let distance = away.length();
+        let axis = away / distance;
+        let drop = f64::from(u.x) * one_minus_cos;
+        let sin_squared = drop * (2.0 - drop);
+        // Along the direction at this angle from the axis, the nearer intersection: the smaller root as a
+        // quotient.
+        let chord = (self.radius * self.radius - distance * distance * sin_squared).max(0.0).sqrt();
+        let gap = (distance - self.radius) * (distance + self.radius);
+        let t = gap / (distance * (1.0 - drop) + chord);
+        // The same point as seen from the centre.
+        let sin_center = (t * sin_squared.sqrt() / self.radius).min(1.0);
+        let cos_center = ((1.0 - sin_center) * (1.0 + sin_center)).sqrt();
+        let (x, y) = tangents(axis);
+        let (s, c) = (TAU * f64::from(u.y)).sin_cos();
+        let normal = unit_f64(axis * cos_center + (x * c + y * s) * sin_center)?;
+        let pdf_solid_angle = cone_density(one_minus_cos)?;
+        Some(SolidAngleSample { position: self.center + self.radius * normal, normal, pdf_solid_angle })
+    }
+
+    /// Density per solid angle of [`Self::sample_solid_angle`] at the point `position` of the surface.
+    pub fn pdf_solid_angle(&self, reference: DVec3, position: DVec3) -> f32 {
+        match self.cone(reference) {
+            Some(one_minus_cos) => cone_density(one_minus_cos),
+            None => {
+                let normal = (position - self.center) / self.radius;
+                solid_angle_density(1.0 / self.area(), reference, position, normal)
+            }
+        }
+        .unwrap_or(0.0)
+    }
+}
+
+/// Density of the uniform distribution over a cone; `None` where `f32` cannot hold it.
+fn cone_density(one_minus_cos: f64) -> Option<f32> {
+    let pdf = (1.0 / (TAU * one_minus_cos)) as f32;
+    pdf.is_finite().then_some(pdf)
+}
+
+impl Procedural for Sphere {
+    fn bounds(&self, _primitive: u32) -> Bounds3 {
+        self.bounds()
+    }
+
+    fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
+        let roots = sphere_roots(ray.origin.as_dvec3() - self.center, ray.direction.as_dvec3(), self.radius)?;
+        roots.into_iter().find_map(|t| accept(t, ray.t_max))
+    }
+
+    fn intersect_all(&self, _primitive: u32, ray: &Ray, hits: &mut Vec<f32>) {
+        let offset = ray.origin.as_dvec3() - self.center;
+        if let Some(roots) = sphere_roots(offset, ray.direction.as_dvec3(), self.radius) {
+            hits.extend(roots.into_iter().filter_map(|t| accept(t, ray.t_max)));
+        }
+    }
+
+    fn refine(&self, _primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
+        let (offset, direction) = (ray.origin.as_dvec3() - self.center, ray.direction.as_dvec3());
+        let t = sphere_roots(offset, direction, self.radius)
+            .and_then(|roots| nearest_to(t, roots))
+            .unwrap_or(f64::from(t));
+        // Only the direction from the centre counts: the point goes back onto the surface along it.
+        let normal = unit_f64(offset + t * direction).unwrap_or(DVec3::Y);
+        let azimuth = (-normal.z).atan2(normal.x) / TAU;
+        let polar = normal.x.hypot(normal.z).atan2(normal.y) / PI;
+        SurfacePoint {
+            position: self.center + self.radius * normal,
+            error: error_bound(self.center, self.radius),
+            normal,
+            uv: Vec2::new(azimuth.rem_euclid(1.0) as f32, polar as f32),
+        }
+    }
+}

@@ -1,0 +1,57 @@
+use super::{AreaSample, ShapeError, SolidAngleSample, finite, seen_from, solid_angle_density};
+use crate::math::{Bounds3, unit_f64};
+use crate::sampling::warp::square_to_triangle;
+use glam::{DVec3, Vec2};
+
+/// One triangle of an emitting mesh: sampled here, intersected by Embree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangle {
+    corner: DVec3,
+    edge_b: DVec3,
+    edge_c: DVec3,
+    normal: DVec3,
+    area: f64,
+}
+
+impl Triangle {
+    /// The triangle with these corners, counter-clockwise as seen from the side of the normal. A mesh may
+    /// hold triangles without area: leave those out.
+    pub fn new(a: DVec3, b: DVec3, c: DVec3) -> Result<Self, ShapeError> {
+        let (corner, edge_b, edge_c) = (finite(a)?, finite(b)? - a, finite(c)? - a);
+        let cross = finite(edge_b.cross(edge_c))?;
+        let normal = unit_f64(cross).ok_or(ShapeError::NoArea)?;
+        Ok(Self { corner, edge_b, edge_c, normal, area: 0.5 * cross.length() })
+    }
+
+    /// Area of one side.
+    pub fn area(&self) -> f64 {
+        self.area
+    }
+
+    /// Unit normal.
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// The smallest box around the triangle.
+    pub fn bounds(&self) -> Bounds3 {
+        Bounds3::of_points([self.corner, self.corner + self.edge_b, self.corner + self.edge_c])
+    }
+
+    /// A point uniform over the area.
+    pub fn sample_area(&self, u: Vec2) -> AreaSample {
+        let barycentric = square_to_triangle(u).as_dvec2();
+        let position = self.corner + barycentric.x * self.edge_b + barycentric.y * self.edge_c;
+        AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area) as f32 }
+    }
+
+    /// A point uniform over the area, with its density per solid angle.
+    pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
+        seen_from(reference, self.sample_area(u), self.area)
+    }
+
+    /// Density per solid angle of [`Self::sample_solid_angle`] at the point `position` of the surface.
+    pub fn pdf_solid_angle(&self, reference: DVec3, position: DVec3) -> f32 {
+        solid_angle_density(1.0 / self.area, reference, position, self.normal).unwrap_or(0.0)
+    }
+}
