@@ -99,11 +99,18 @@ impl MeshReport {
 pub fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
     /// Rounding of a cross product, relative to the product of the lengths, with room.
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
+    /// Squared sine of an angle that is far above it: most triangles, told without a root.
+    const CLEAR: f64 = 1e-12;
     if !(a.is_finite() && b.is_finite() && c.is_finite()) {
         return true;
     }
+    let (u, v) = (b - a, c - a);
+    let (product, cross) = (u.length_squared() * v.length_squared(), u.cross(v).length_squared());
+    if product.is_normal() && cross.is_normal() && cross > CLEAR * product {
+        return false;
+    }
     // Each edge by its own size: 1e-200 does not underflow, and a needle is judged by its angle.
-    let (Some(u), Some(v)) = (unit_f64(b - a), unit_f64(c - a)) else { return true };
+    let (Some(u), Some(v)) = (unit_f64(u), unit_f64(v)) else { return true };
     u.cross(v).length() <= ROUNDING
 }
 
@@ -170,11 +177,12 @@ impl TriangleMesh {
 
     /// The unit normal of a triangle times the angle at each of its corners.
     fn weighted_normals(&self, triangle: [u32; 3]) -> [DVec3; 3] {
-        let corners = self.positions.corners(triangle);
-        let edge = |from: usize, to: usize| unit_f64(corners[to] - corners[from]).unwrap_or(DVec3::ZERO);
-        let normal = unit_f64(edge(0, 1).cross(edge(0, 2))).unwrap_or(DVec3::ZERO);
-        [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(|(at, next, previous)| {
-            let (u, v) = (edge(at, next), edge(at, previous));
+        let [a, b, c] = self.positions.corners(triangle);
+        let edge = |from: DVec3, to: DVec3| unit_f64(to - from).unwrap_or(DVec3::ZERO);
+        let edges = [edge(a, b), edge(b, c), edge(c, a)];
+        let normal = unit_f64(edges[0].cross(-edges[2])).unwrap_or(DVec3::ZERO);
+        [0, 1, 2].map(|corner| {
+            let (u, v) = (edges[corner], -edges[(corner + 2) % 3]);
             // Well conditioned for every angle, unlike the arc cosine.
             normal * u.cross(v).length().atan2(u.dot(v))
         })

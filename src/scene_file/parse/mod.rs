@@ -4,6 +4,8 @@ mod lights;
 mod materials;
 mod names;
 mod shapes;
+#[cfg(test)]
+mod tests;
 mod transform;
 mod view;
 
@@ -152,8 +154,6 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
     let instances = shapes::read_instances(sections(&mut table, "instances"), &shapes.group_names, unit);
     let lights = lights::read_lights(sections(&mut table, "lights"), unit);
     table.finish();
-    media_names.warn_unused(context, "is used by no material");
-    material_names.warn_unused(context, "is used by no shape");
     shapes.group_names.warn_unused(context, "is placed by no `[[instances]]`, so it is not in the picture");
     Some(SceneDescription {
         name: name?,

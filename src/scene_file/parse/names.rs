@@ -54,10 +54,10 @@ impl Names {
         None
     }
 
-    /// Warns about names that nothing refers to; those without a place in the file are built in.
+    /// Warns about names that nothing refers to.
     pub(super) fn warn_unused(&self, context: &Context<'_>, consequence: &str) {
         for (name, entry) in &self.by_name {
-            if !entry.used.get() && !entry.span.is_empty() {
+            if !entry.used.get() {
                 context.warn(&entry.span, format!("the {} `{name}` {consequence}", self.kind));
             }
         }
