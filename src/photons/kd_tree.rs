@@ -271,16 +271,21 @@ impl Extent {
     const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
 
     fn of<P: Point>(points: &[P]) -> Self {
+        let union = |a: Self, b: Self| Self { low: a.low.min(b.low), high: a.high.max(b.high) };
         let of_part = |part: &[P]| {
-            part.iter().fold(Self::EMPTY, |extent, point| {
-                let p = point.position();
-                Self { low: extent.low.min(p), high: extent.high.max(p) }
-            })
+            // Two chains, as each minimum waits for the one before.
+            let mut extents = [Self::EMPTY; 2];
+            for pair in part.chunks(2) {
+                for (extent, point) in extents.iter_mut().zip(pair) {
+                    let p = point.position();
+                    *extent = Self { low: extent.low.min(p), high: extent.high.max(p) };
+                }
+            }
+            union(extents[0], extents[1])
         };
         if points.len() <= PARALLEL_LENGTH {
             return of_part(points);
         }
-        let union = |a: Self, b: Self| Self { low: a.low.min(b.low), high: a.high.max(b.high) };
         points.par_chunks(PARALLEL_LENGTH).map(of_part).reduce(|| Self::EMPTY, union)
     }
 
@@ -299,11 +304,20 @@ impl Extent {
 
 /// A total order of points by all they have.
 fn everything<P: Point>(a: &P, b: &P) -> Ordering {
-    let (p, q) = (a.position(), b.position());
-    p.x.total_cmp(&q.x)
-        .then_with(|| p.y.total_cmp(&q.y))
-        .then_with(|| p.z.total_cmp(&q.z))
-        .then_with(|| a.tie().cmp(&b.tie()))
+    // Two coordinates at once: with only one, the points of an axis-aligned wall would take the long way.
+    let first = |point: &P| {
+        let p = point.position();
+        u64::from(ordered_bits(p.x)) << 32 | u64::from(ordered_bits(p.y))
+    };
+    let rest = |point: &P| (ordered_bits(point.position().z), point.tie());
+    first(a).cmp(&first(b)).then_with(|| rest(a).cmp(&rest(b)))
+}
+
+/// Bits that order as [`f32::total_cmp`] does.
+#[inline]
+fn ordered_bits(x: f32) -> u32 {
+    let bits = x.to_bits();
+    bits ^ (((bits as i32 >> 31) as u32) | 0x8000_0000)
 }
 
 fn block_of<P: Point, const L: usize>(points: &[P]) -> Block<L> {
