@@ -244,6 +244,33 @@ mod tests {
     }
 
     #[test]
+    fn curvature_costs_the_disc_and_not_the_sphere() {
+        // Radius of the search: a tenth of that of the surface.
+        let (count, n) = (20_000, 50);
+        let mut sums = [0.0; 2];
+        for index in 0..20 {
+            let mut rng = Rng::new(9, Stream::Measure, index);
+            let mut on_sphere = || warp::square_to_sphere(rng.next_2d());
+            let photons = (0..count)
+                .map(|_| on_sphere())
+                .map(|p| Photon::new(p, POWER, p, p, PhotonClass::Direct, 0.0));
+            let map = PhotonMap::build(photons.collect(), count);
+            let mut scratch = Scratch::default();
+            for _ in 0..2000 {
+                let place = on_sphere();
+                for (i, region) in [SearchRegion::Sphere, SearchRegion::Disc].into_iter().enumerate() {
+                    let query = Query { region, ..Query::nearest(place, place, n) };
+                    let estimate =
+                        map.estimate_irradiance(&query, &corrected(Kernel::Constant), &mut scratch);
+                    sums[i] += f64::from(estimate.value.x) * 4.0 * PI / 40_000.0;
+                }
+            }
+        }
+        assert!((sums[0] - 1.0).abs() < 0.005, "{sums:?}");
+        assert!((sums[1] * 1.0375 - 1.0).abs() < 0.01, "{sums:?}");
+    }
+
+    #[test]
     fn radiance_weighs_by_direction() {
         let map = PhotonMap::build(square(100_000, 0.0, Vec3::Y, 0), 100_000);
         let mut scratch = Scratch::default();

@@ -50,8 +50,8 @@ impl PhotonMap {
     /// and the photons that are missing for that reason number one on average. Without it the constant kernel
     /// would be low by `1 / k`.
     ///
-    /// Values are rounded to [`Rgbe`] at random, free of bias, with 0.2 % RMS error: below the noise of any estimate
-    /// from fewer than 10^5 photons. Deterministic for any number of threads.
+    /// Values are rounded to [`Rgbe`] at random, free of bias, with 0.25 % RMS error (measured), as much as the
+    /// noise of an estimate from 160 000 photons. Deterministic for any number of threads.
     pub fn precompute_irradiance(
         &self,
         template: &Query,
