@@ -1,3 +1,4 @@
+use super::domain::KernelDomain;
 use super::estimate::EstimateParams;
 use super::kd_tree::{KdTree, Metric, Point};
 use super::map::{MIN_NORMAL_COS, NearestOne, PhotonMap, Query, Scratch, index_of};
@@ -58,6 +59,18 @@ impl PhotonMap {
         params: &EstimateParams,
         stride: usize,
     ) -> IrradianceMap {
+        self.precompute_irradiance_visible(template, params, stride, |_, _, _| None)
+    }
+
+    /// [`Self::precompute_irradiance`] over visible kernels: `domain` tells which part of a disc (position, normal,
+    /// radius) can be seen from its centre.
+    pub fn precompute_irradiance_visible(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        stride: usize,
+        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+    ) -> IrradianceMap {
         let stride = stride.max(1);
         let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
@@ -65,7 +78,11 @@ impl PhotonMap {
                 let photon = self.photon(i * stride);
                 let normal = photon.normal();
                 let query = template.at(photon.position, normal);
-                let irradiance = self.estimate_irradiance(&query, params, scratch).value;
+                let irradiance = self
+                    .estimate_irradiance_visible(&query, params, scratch, |radius| {
+                        domain(photon.position, normal, radius)
+                    })
+                    .value;
                 let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
                 IrradiancePoint {
                     position: photon.position,

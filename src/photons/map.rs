@@ -245,6 +245,11 @@ impl PhotonMap {
         &self.payloads[index]
     }
 
+    #[inline]
+    pub(super) fn position(&self, index: usize) -> Vec3 {
+        self.tree.position(index)
+    }
+
     pub(super) fn power(&self, index: usize) -> Rgb {
         self.payloads[index].power()
     }
