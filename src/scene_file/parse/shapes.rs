@@ -89,9 +89,10 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         (None, _) => Some(materials.len()),
     };
     let is_round = matches!(kind, Kind::Sphere | Kind::Cylinder | Kind::Disc);
-    if is_round && transform.is_some_and(|transform| !is_similarity(&transform)) {
+    let emits = matches!(emission, Some(Some(_)));
+    if is_round && emits && transform.is_some_and(|transform| !is_similarity(&transform)) {
         table.refuse::<()>(
-            format!("{} is scaled unequally or sheared: round shapes must stay round", table.title()),
+            format!("{} emits and is scaled unequally: light sampling needs it round", table.title()),
             "use the same `scale` for all axes, or a mesh",
         );
     }
