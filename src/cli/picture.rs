@@ -5,7 +5,7 @@ use cardioid::embree::Device;
 use cardioid::film::PixelRect;
 use cardioid::scene_file::{
     BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription, build_scene,
-    load_scene,
+    content_hash, load_scene,
 };
 use clap::Args;
 use std::path::PathBuf;
@@ -61,6 +61,8 @@ pub(crate) struct Loaded {
     pub(crate) built: BuiltScene,
     pub(crate) device: Arc<Device>,
     pub(crate) size: (u32, u32),
+    /// Of everything the scene was read from.
+    pub(crate) hash: String,
 }
 
 /// Reads and builds; warnings go to standard error.
@@ -74,7 +76,8 @@ pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
     for warning in &built.warnings {
         eprintln!("warning: {warning}");
     }
-    Ok(Loaded { description, built, device, size })
+    let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
+    Ok(Loaded { description, built, device, size, hash })
 }
 
 /// The camera in words.

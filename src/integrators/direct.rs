@@ -112,7 +112,7 @@ impl<'a> DirectLighting<'a> {
 }
 
 /// Weight of a sample with density `pdf` against a technique with density `other` (Veach 1997, section 9.2.4).
-pub fn power_heuristic(pdf: f32, other: f32) -> f32 {
+pub(super) fn power_heuristic(pdf: f32, other: f32) -> f32 {
     if pdf.is_infinite() {
         return 1.0;
     }

@@ -4,6 +4,7 @@
 mod build;
 mod description;
 mod diagnostic;
+mod hash;
 pub mod mesh;
 mod parameters;
 mod parse;
@@ -13,4 +14,5 @@ mod reader;
 pub use build::{BuildError, BuildProblem, BuiltScene, build_scene};
 pub use description::*;
 pub use diagnostic::{Diagnostic, SceneFileError};
+pub use hash::content_hash;
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};

@@ -1,0 +1,26 @@
+use super::description::{GeometryDescription, SceneDescription};
+use std::fs::File;
+use std::io;
+
+/// A hash of everything a scene is read from: its text, the values of its parameters and its mesh files, in hexadecimal.
+/// The same content gives the same hash, wherever the files are.
+///
+/// # Errors
+/// Where a file cannot be read any more.
+pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -> io::Result<String> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update_reader(File::open(&*scene.location.file)?)?;
+    for (name, value) in parameters {
+        // Lengths first, so that no two lists of parameters look alike.
+        hasher.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes());
+        hasher.update(&(value.len() as u64).to_le_bytes()).update(value.as_bytes());
+    }
+    for shape in &scene.shapes {
+        if let GeometryDescription::MeshFile { path, .. } = &shape.value.geometry {
+            let file = File::open(path)?;
+            hasher.update(&file.metadata()?.len().to_le_bytes());
+            hasher.update_reader(file)?;
+        }
+    }
+    Ok(hasher.finalize().to_hex().to_string())
+}
