@@ -201,7 +201,7 @@ impl<'a> Value<'a> {
     }
 
     /// Name and value of the parameter where the value is a string that consists of one `${name}` alone.
-    fn whole_parameter(&self) -> Option<(&'a str, &'a str)> {
+    pub(super) fn whole_parameter(&self) -> Option<(&'a str, &'a str)> {
         let DeValue::String(text) = self.value.get_ref() else { return None };
         let name = text.strip_prefix("${")?.strip_suffix('}')?;
         Some((name, self.context.parameters.value(name)?))

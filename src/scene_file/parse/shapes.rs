@@ -199,7 +199,12 @@ fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
     let shown = path.display();
     let context = value.context();
     if !path.exists() {
-        let remedy = "paths are relative to the scene file, those given by `--set` to the current directory";
+        const RELATIVE: &str =
+            "paths are relative to the scene file, those given by `--set` to the current directory";
+        let remedy = match value.whole_parameter() {
+            Some((name, _)) => format!("name another with `--set {name}=FILE`; {RELATIVE}"),
+            None => RELATIVE.to_string(),
+        };
         context.error(&value.span(), format!("there is no mesh file {shown}"), remedy);
         return None;
     }

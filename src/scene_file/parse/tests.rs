@@ -467,6 +467,7 @@ fn paths_are_relative_to_the_file_or_to_the_current_directory() {
     assert_eq!(path_of(&text("${mesh}"), &[set("mesh", knot)]).unwrap(), Path::new(knot));
     let message = path_of(&text("${mesh}"), &[]).unwrap_err().to_string();
     assert!(message.contains(":6:8: there is no mesh file") && message.contains("none.ply"), "{message}");
+    assert!(message.contains("name another with `--set mesh=FILE`"), "{message}");
     let message = path_of(&text("."), &[]).unwrap_err().to_string();
     assert!(message.contains("is a folder"), "{message}");
     let message = path_of(&text("${mesh}"), &[set("mesh", "Cargo.toml")]).unwrap_err().to_string();
