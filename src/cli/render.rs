@@ -183,7 +183,8 @@ impl Outputs {
         image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?;
         if let Some(path) = &args.stats {
             let text = serde_json::to_string_pretty(statistics)?;
-            std::fs::write(path, text + "\n").with_context(|| format!("{}: cannot be written", path.display()))?;
+            std::fs::write(path, text + "\n")
+                .with_context(|| format!("{}: cannot be written", path.display()))?;
         }
         Ok(())
     }

@@ -105,7 +105,9 @@ impl<'a> DirectLighting<'a> {
     /// Probability with which [`Self::radiance`] chooses a light: what the pdf of its samples is multiplied by.
     pub fn choice_probability(&self, light: LightId) -> f32 {
         match self.scene.light_power() {
-            Some(power) if self.scene.lights().len() > LIGHTS_SAMPLED_EACH => power.probability(light as usize),
+            Some(power) if self.scene.lights().len() > LIGHTS_SAMPLED_EACH => {
+                power.probability(light as usize)
+            }
             _ => 1.0,
         }
     }

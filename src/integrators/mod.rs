@@ -58,6 +58,8 @@ pub struct Counters {
     pub empty_lookups: u64,
     /// Paths cut at the depth limit.
     pub truncated: u64,
+    /// Interfaces met.
+    pub interfaces: u64,
     /// Interfaces met in another medium than they state.
     pub medium_mismatches: u64,
     /// Segments traced, over all paths: divided by camera rays, the mean ray depth.
@@ -75,6 +77,7 @@ impl AddAssign for Counters {
         self.caustic_lookups += other.caustic_lookups;
         self.empty_lookups += other.empty_lookups;
         self.truncated += other.truncated;
+        self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
         self.depth_sum += other.depth_sum;
     }

@@ -178,6 +178,7 @@ impl Integrator for PathTracer<'_> {
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
             let shading = hit.shading(self.scene.material(&hit));
             if shading.bsdf.is_delta() {
+                counters.interfaces += 1;
                 counters.medium_mismatches += u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
             } else if shading.bsdf.has_diffuse() {
                 let direct = self.direct.radiance(&hit, &shading, state.medium, samples, counters);

@@ -207,8 +207,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         }
         scratch.counters.global_lookups += 1;
         if let (Some(irradiance), Bsdf::Lambert(lambert)) = (&self.maps.irradiance, shading.bsdf) {
-            let found =
-                irradiance.nearest(hit.point.position, hit.facing_normal(), self.settings.max_radius);
+            let found = irradiance.nearest(hit.point.position, hit.facing_normal(), self.settings.max_radius);
             return match found {
                 Some(irradiance) => lambert.reflectance * irradiance * FRAC_1_PI,
                 None => {
@@ -378,7 +377,8 @@ fn walk_specular<const N: usize>(
         scratch.counters.depth_sum += 1;
         scratch.counters.specular_rays += u64::from(!first);
         let Some(hit) = scene.intersect(&branch.ray) else {
-            if let Some(Light::Environment(sky)) = scene.environment().map(|id| &scene.lights()[id as usize]) {
+            if let Some(Light::Environment(sky)) = scene.environment().map(|id| &scene.lights()[id as usize])
+            {
                 out.add(part(Aov::Emission), branch.throughput * sky.radiance);
             }
             continue;
@@ -395,6 +395,7 @@ fn walk_specular<const N: usize>(
         }
         let shading = hit.shading(scene.material(&hit));
         if shading.bsdf.is_delta() {
+            scratch.counters.interfaces += 1;
             scratch.counters.medium_mismatches += u64::from(scene.is_medium_mismatch(&hit, branch.medium));
             if branch.depth + 1 >= max_depth {
                 scratch.counters.truncated += 1;

@@ -54,7 +54,8 @@ fn push(
     shading: &Shading,
     (u, share): (f32, f32),
 ) {
-    let Some(sample) = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance) else {
+    let Some(sample) = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance)
+    else {
         return;
     };
     let direction = shading.frame.to_world(sample.wi);

@@ -38,6 +38,8 @@ pub struct PhotonTally {
     pub missed: u64,
     /// Photons cut off at the depth limit.
     pub truncated: u64,
+    /// Specular surfaces met.
+    pub interfaces: u64,
     /// Interfaces met in another medium than they state.
     pub medium_mismatches: u64,
     /// Power that left the lights.
@@ -57,6 +59,7 @@ impl AddAssign for PhotonTally {
         self.bounces += other.bounces;
         self.missed += other.missed;
         self.truncated += other.truncated;
+        self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
         self.power_emitted += other.power_emitted;
         self.power_absorbed += other.power_absorbed;
@@ -147,7 +150,9 @@ impl<'a> Batch<'a> {
         let emitted: u64 = self.shares.iter().sum();
         let mut tasks = Vec::new();
         for (light, &share) in self.shares.iter().enumerate() {
-            tasks.extend((0..share).step_by(CHUNK as usize).map(|first| (light, first, share.min(first + CHUNK))));
+            tasks.extend(
+                (0..share).step_by(CHUNK as usize).map(|first| (light, first, share.min(first + CHUNK))),
+            );
         }
         let done = AtomicU64::new(0);
         let results: Option<Vec<(usize, Vec<Photon>, PhotonTally)>> = tasks
@@ -277,6 +282,7 @@ impl Flight<'_> {
         let sample = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux)?;
         let direction = shading.frame.to_world(sample.wi);
         if sample.lobe == Lobe::Specular {
+            tally.interfaces += 1;
             tally.medium_mismatches += u64::from(self.scene.is_medium_mismatch(hit, self.medium));
         } else {
             self.only_specular = false;
@@ -303,4 +309,3 @@ impl Flight<'_> {
         Some(hit.spawn(direction))
     }
 }
-

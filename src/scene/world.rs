@@ -212,11 +212,11 @@ impl Scene {
     /// Turns Embree's hit into a point with its error bound.
     #[inline]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
-        let (index, placement) = match (&self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize], hit.instance)
-        {
-            (Node::Surface(index), _) => (*index, None),
-            (Node::Instance { first, placement }, _) => (first + hit.geometry, Some(placement)),
-        };
+        let (index, placement) =
+            match (&self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize], hit.instance) {
+                (Node::Surface(index), _) => (*index, None),
+                (Node::Instance { first, placement }, _) => (first + hit.geometry, Some(placement)),
+            };
         let surface = &self.parts.surfaces[index as usize];
         let (mut point, mut shading_normal) = match &surface.geometry {
             Geometry::Mesh(mesh) => {
@@ -281,7 +281,8 @@ impl Scene {
             let origin = position + tangent * distance + normal * (0.05 * radius);
             // A surface that has turned by less than 45 degrees lies no deeper than this.
             let down = Ray { origin, direction: -normal * (0.05 * radius + distance), t_max: 1.0 };
-            self.intersect_any_direction(&down).is_some_and(|(_, facing)| facing.dot(normal) >= SAME_SURFACE_COS)
+            self.intersect_any_direction(&down)
+                .is_some_and(|(_, facing)| facing.dot(normal) >= SAME_SURFACE_COS)
         };
         if is_supported(radius) {
             return None;
