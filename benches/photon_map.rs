@@ -72,16 +72,15 @@ fn queries() -> Vec<(Vec3, Vec3)> {
     (0..QUERIES).map(|i| surface_point(&mut Rng::new(2, Stream::Measure, i))).collect()
 }
 
-/// Best time of some runs of `work`.
-fn best_of(runs: u32, mut work: impl FnMut()) -> Duration {
+/// Best times of two works that take turns, so that whatever else the machine does troubles both.
+fn race(runs: u32, mut ours: impl FnMut(), mut theirs: impl FnMut()) -> (Duration, Duration) {
+    let time = |work: &mut dyn FnMut()| {
+        let start = Instant::now();
+        work();
+        start.elapsed()
+    };
     (0..runs)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed()
-        })
-        .min()
-        .unwrap_or_default()
+        .fold((Duration::MAX, Duration::MAX), |(a, b), _| (a.min(time(&mut ours)), b.min(time(&mut theirs))))
 }
 
 fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -109,13 +108,14 @@ fn build(c: &mut Criterion) {
     group.finish();
     for threads in [1, 2] {
         let mut copies: Vec<_> = (0..8).map(|_| photons.clone()).collect();
-        let ours = best_of(8, || {
+        let ours = || {
             let photons = copies.pop().unwrap_or_default();
             black_box(in_pool(threads, || PhotonMap::build(photons, PHOTONS)));
-        });
-        let theirs = best_of(8, || {
+        };
+        let theirs = || {
             black_box(in_pool(threads, || kiddo_tree(&points)));
-        });
+        };
+        let (ours, theirs) = race(8, ours, theirs);
         report(&format!("build of {PHOTONS}, {threads} threads"), ours, theirs, 1.0);
     }
 }
@@ -160,7 +160,7 @@ fn look_up(c: &mut Criterion) {
     };
     let (mut a, mut b) = (0.0, 0.0);
     for k in [1, 10, 50, NEAREST, 200, 500] {
-        let (time, peer) = (best_of(7, || ours(k, &mut a)), best_of(7, || theirs(k, &mut b)));
+        let (time, peer) = race(9, || ours(k, &mut a), || theirs(k, &mut b));
         report(&format!("{k} nearest of {PHOTONS}"), time, peer, QUERIES as f64);
     }
     println!("checksums {a} {b}");
@@ -194,22 +194,19 @@ fn irradiance(c: &mut Criterion) {
         let irradiance = map.precompute_irradiance(&template, &params, stride);
         let points: Vec<[f32; 3]> = map.photons().step_by(stride).map(|p| p.position.to_array()).collect();
         let tree = kiddo_tree(&points);
-        let mut sum = Rgb::ZERO;
-        let ours = best_of(9, || {
+        let (mut sum, mut distance) = (Rgb::ZERO, 0.0);
+        let ours = || {
             for &(position, normal) in &queries {
                 sum += irradiance.nearest(position, normal, f32::INFINITY).unwrap_or_default();
             }
-        });
-        let mut distance = 0.0;
-        let theirs = best_of(9, || {
+        };
+        let theirs = || {
             for (position, _) in &queries {
-                distance += tree
-                    .query(&position.to_array())
-                    .nearest_one::<SquaredEuclidean<f32>>()
-                    .execute()
-                    .distance;
+                let point = position.to_array();
+                distance += tree.query(&point).nearest_one::<SquaredEuclidean<f32>>().execute().distance;
             }
-        });
+        };
+        let (ours, theirs) = race(15, ours, theirs);
         black_box((sum, distance));
         report(&format!("nearest irradiance of {}", points.len()), ours, theirs, QUERIES as f64);
         println!("bytes a point: {:.2}", irradiance.memory_bytes() as f64 / irradiance.len() as f64);

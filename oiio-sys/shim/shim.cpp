@@ -68,6 +68,13 @@ template<typename Result, typename Function> Result guard(Result failure, OiioEr
   return failure;
 }
 
+/// Keeps the library from printing what only its authors want to know, which distributions' builds do.
+void be_quiet()
+{
+  static const bool done = OIIO::attribute("debug", 0);
+  (void)done;
+}
+
 /// A file that the caller opened, and that remembers the first error of the system: OpenImageIO's writers do not all tell.
 class Descriptor final : public OIIO::Filesystem::IOProxy {
 public:
@@ -219,6 +226,7 @@ bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const 
                 OiioFormat memory, OiioError* error)
 {
   return guard(false, error, [&] {
+    be_quiet();
     // Outlives the output, which may write when it is destroyed.
     Descriptor file(descriptor);
     const auto output = ImageOutput::create(format);
@@ -244,6 +252,7 @@ bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const 
 OiioInput* oiio_input_open(const char* path, const char* format, OiioError* error)
 {
   return guard<OiioInput*>(nullptr, error, [&]() -> OiioInput* {
+    be_quiet();
     auto input = std::make_unique<OiioInput>();
     input->file = ImageInput::create(format);
     if (!input->file) {

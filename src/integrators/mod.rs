@@ -10,7 +10,7 @@ mod specular;
 
 pub use direct::DirectLighting;
 pub use path::PathTracer;
-pub use photon_map::{PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons};
+pub use photon_map::{PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons, visible_domain};
 
 use crate::film::PixelSample;
 use crate::math::Ray;

@@ -9,7 +9,7 @@ use crate::film::{Aov, PixelSample};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion};
+use crate::photons::{EstimateParams, IrradianceMap, KernelDomain, PhotonMap, Query, SearchRegion};
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
@@ -108,7 +108,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
         scratch.counters.caustic_lookups += 1;
         let query = self.settings.caustic_query(vertex.hit.point.position, vertex.hit.facing_normal());
-        reflected(map, &query, &self.settings.caustic, vertex.shading, scratch)
+        reflected(self.scene, map, &query, &self.settings.caustic, vertex.shading, scratch)
     }
 
     /// Fourth integral: light that was reflected diffusely before, gathered by rays that read the global map.
@@ -218,7 +218,7 @@ impl<'a> PhotonMapIntegrator<'a> {
             };
         }
         let query = self.settings.global_query(hit.point.position, hit.facing_normal());
-        reflected(map, &query, &self.settings.global, shading, scratch)
+        reflected(self.scene, map, &query, &self.settings.global, shading, scratch)
     }
 
     /// Light of an emitter that a gather ray hit by chance, weighted against light sampling.
@@ -270,19 +270,26 @@ struct Gathered {
 
 /// Radiance that a surface reflects of the photons in a map.
 fn reflected(
+    scene: &Scene,
     map: &PhotonMap,
     query: &Query,
     params: &EstimateParams,
     shading: &Shading,
     scratch: &mut Scratch,
 ) -> Rgb {
+    let domain = |radius| visible_domain(scene, query.position, query.normal, radius);
     if let Bsdf::Lambert(lambert) = shading.bsdf {
-        let irradiance = map.estimate_irradiance(query, params, &mut scratch.photons).value;
+        let irradiance = map.estimate_irradiance_visible(query, params, &mut scratch.photons, domain).value;
         return lambert.reflectance * irradiance * FRAC_1_PI;
     }
     let wo = shading.wo_local;
     let f = |wi: Vec3| shading.bsdf.eval(wo, shading.frame.to_local(wi));
-    map.estimate_radiance(query, params, &mut scratch.photons, f).value
+    map.estimate_radiance_visible(query, params, &mut scratch.photons, domain, f).value
+}
+
+/// The part of the disc of `radius` around a point that can be seen from its centre.
+pub fn visible_domain(scene: &Scene, position: Vec3, normal: Vec3, radius: f32) -> Option<KernelDomain> {
+    KernelDomain::feel(normal, radius, |tangent| scene.obstacle(position, normal, tangent, radius))
 }
 
 impl Integrator for PhotonMapIntegrator<'_> {
@@ -337,7 +344,7 @@ impl<'a> ShowPhotons<'a> {
             MapKind::Global => scratch.counters.global_lookups += 1,
             MapKind::Caustic => scratch.counters.caustic_lookups += 1,
         }
-        (aov, reflected(map, &query, params, vertex.shading, scratch))
+        (aov, reflected(self.scene, map, &query, params, vertex.shading, scratch))
     }
 }
 

@@ -1,5 +1,5 @@
 use super::map::{PhotonMap, Query, Scratch};
-use super::{Estimator, Kernel};
+use super::{Estimator, Kernel, KernelDomain};
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -46,7 +46,22 @@ impl PhotonMap {
         params: &EstimateParams,
         scratch: &mut Scratch,
     ) -> Estimate {
-        self.estimate(query, params, scratch, |index| self.power(index))
+        self.estimate_irradiance_visible(query, params, scratch, |_| None)
+    }
+
+    /// [`Self::estimate_irradiance`] over a visible kernel.
+    ///
+    /// `domain` tells, for the radius that was found, which part of the disc can be seen from its centre; photons
+    /// elsewhere are left out and the kernel is normalised over the rest. The expectation stays exact: given the
+    /// radius that the `k`-th photon sets, wherever it lies, the others are spread like the flux.
+    pub fn estimate_irradiance_visible(
+        &self,
+        query: &Query,
+        params: &EstimateParams,
+        scratch: &mut Scratch,
+        domain: impl FnOnce(f32) -> Option<KernelDomain>,
+    ) -> Estimate {
+        self.estimate(query, params, scratch, domain, |index| self.power(index))
     }
 
     /// Radiance that the surface at the query's position reflects towards some `wo`: eq. (3) and (5) of Jensen 1996.
@@ -59,9 +74,21 @@ impl PhotonMap {
         query: &Query,
         params: &EstimateParams,
         scratch: &mut Scratch,
+        brdf: impl FnMut(Vec3) -> Rgb,
+    ) -> Estimate {
+        self.estimate_radiance_visible(query, params, scratch, |_| None, brdf)
+    }
+
+    /// [`Self::estimate_radiance`] over a visible kernel; see [`Self::estimate_irradiance_visible`].
+    pub fn estimate_radiance_visible(
+        &self,
+        query: &Query,
+        params: &EstimateParams,
+        scratch: &mut Scratch,
+        domain: impl FnOnce(f32) -> Option<KernelDomain>,
         mut brdf: impl FnMut(Vec3) -> Rgb,
     ) -> Estimate {
-        self.estimate(query, params, scratch, |index| {
+        self.estimate(query, params, scratch, domain, |index| {
             let payload = self.payload(index);
             payload.power() * brdf(payload.wi())
         })
@@ -72,6 +99,7 @@ impl PhotonMap {
         query: &Query,
         params: &EstimateParams,
         scratch: &mut Scratch,
+        domain: impl FnOnce(f32) -> Option<KernelDomain>,
         mut contribution: impl FnMut(usize) -> Rgb,
     ) -> Estimate {
         let corrected = params.estimator == Estimator::Corrected;
@@ -95,16 +123,26 @@ impl PhotonMap {
             return Estimate { value: Rgb::ZERO, photons: 0, radius };
         }
         let per_radius_squared = 1.0 / (radius * radius);
+        let domain = domain(radius);
         let mut sum = DVec3::ZERO;
+        let mut counted = 0;
         for (index, distance_squared) in found.iter().take(photons) {
+            if domain.as_ref().is_some_and(|domain| !domain.contains(self.position(index) - query.position)) {
+                continue;
+            }
+            counted += 1;
             let weight = params.kernel.weight((distance_squared * per_radius_squared).min(1.0));
             sum += (contribution(index) * weight).as_dvec3();
         }
         let area = PI * f64::from(radius) * f64::from(radius);
-        let scale = self.per_emitted() / (f64::from(params.kernel.mean_weight()) * area);
+        let mean_weight = match &domain {
+            Some(domain) => domain.mean_weight(params.kernel),
+            None => params.kernel.mean_weight(),
+        };
+        let scale = self.per_emitted() / (f64::from(mean_weight) * area);
         // Flux of 1e30 W at one point exceeds what f32 can hold.
         let value = (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3();
-        Estimate { value, photons: photons as u32, radius }
+        Estimate { value, photons: counted, radius }
     }
 }
 
@@ -241,6 +279,33 @@ mod tests {
             );
             assert!((mean / want - 1.0).abs() < 0.02, "{mean} instead of {want}");
         }
+    }
+
+    #[test]
+    fn curvature_costs_the_disc_and_not_the_sphere() {
+        // Radius of the search: a tenth of that of the surface.
+        let (count, n) = (20_000, 50);
+        let mut sums = [0.0; 2];
+        for index in 0..20 {
+            let mut rng = Rng::new(9, Stream::Measure, index);
+            let mut on_sphere = || warp::square_to_sphere(rng.next_2d());
+            let photons = (0..count)
+                .map(|_| on_sphere())
+                .map(|p| Photon::new(p, POWER, p, p, PhotonClass::Direct, 0.0));
+            let map = PhotonMap::build(photons.collect(), count);
+            let mut scratch = Scratch::default();
+            for _ in 0..2000 {
+                let place = on_sphere();
+                for (i, region) in [SearchRegion::Sphere, SearchRegion::Disc].into_iter().enumerate() {
+                    let query = Query { region, ..Query::nearest(place, place, n) };
+                    let estimate =
+                        map.estimate_irradiance(&query, &corrected(Kernel::Constant), &mut scratch);
+                    sums[i] += f64::from(estimate.value.x) * 4.0 * PI / 40_000.0;
+                }
+            }
+        }
+        assert!((sums[0] - 1.0).abs() < 0.005, "{sums:?}");
+        assert!((sums[1] * 1.0375 - 1.0).abs() < 0.01, "{sums:?}");
     }
 
     #[test]

@@ -1,3 +1,4 @@
+use super::domain::KernelDomain;
 use super::estimate::EstimateParams;
 use super::kd_tree::{KdTree, Metric, Point};
 use super::map::{MIN_NORMAL_COS, NearestOne, PhotonMap, Query, Scratch, index_of};
@@ -50,13 +51,25 @@ impl PhotonMap {
     /// and the photons that are missing for that reason number one on average. Without it the constant kernel
     /// would be low by `1 / k`.
     ///
-    /// Values are rounded to [`Rgbe`] at random, free of bias, with 0.2 % RMS error: below the noise of any estimate
-    /// from fewer than 10^5 photons. Deterministic for any number of threads.
+    /// Values are rounded to [`Rgbe`] at random, free of bias, with 0.25 % RMS error (measured), as much as the
+    /// noise of an estimate from 160 000 photons. Deterministic for any number of threads.
     pub fn precompute_irradiance(
         &self,
         template: &Query,
         params: &EstimateParams,
         stride: usize,
+    ) -> IrradianceMap {
+        self.precompute_irradiance_visible(template, params, stride, |_, _, _| None)
+    }
+
+    /// [`Self::precompute_irradiance`] over visible kernels: `domain` tells which part of a disc (position, normal,
+    /// radius) can be seen from its centre.
+    pub fn precompute_irradiance_visible(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        stride: usize,
+        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
     ) -> IrradianceMap {
         let stride = stride.max(1);
         let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
@@ -65,7 +78,11 @@ impl PhotonMap {
                 let photon = self.photon(i * stride);
                 let normal = photon.normal();
                 let query = template.at(photon.position, normal);
-                let irradiance = self.estimate_irradiance(&query, params, scratch).value;
+                let irradiance = self
+                    .estimate_irradiance_visible(&query, params, scratch, |radius| {
+                        domain(photon.position, normal, radius)
+                    })
+                    .value;
                 let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
                 IrradiancePoint {
                     position: photon.position,

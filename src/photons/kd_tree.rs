@@ -6,6 +6,7 @@
 //! and block indices follow from the counts, so there are no pointers: 8 bytes for each `L` points.
 
 use glam::Vec3;
+use rayon::prelude::*;
 use std::cmp::Ordering;
 
 /// What a tree is built of.
@@ -120,7 +121,7 @@ impl<const L: usize> KdTree<L> {
         let mut nodes = vec![Node::default(); count.saturating_sub(1)];
         let extent = Extent::of(points);
         split::<P, L>(points, extent, &mut nodes);
-        let blocks = points.chunks(L).map(block_of).collect();
+        let blocks = points.par_chunks(L).with_min_len(256).map(block_of).collect();
         let max_coordinate = if points.is_empty() { 0.0 } else { extent.max_coordinate() };
         Self { nodes, blocks, len: points.len(), max_coordinate }
     }
@@ -209,7 +210,8 @@ impl<const L: usize> KdTree<L> {
 ///
 /// The middle block divides along the widest side, unless points with the very same coordinate lie on both sides of
 /// it, as in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of the
-/// wall into cells that overlap, and searches would start in the wrong one. Then the next widest side is tried.
+/// wall into cells that overlap, and searches would start in the wrong one. Then the next widest side is tried, and
+/// where all three are tied, the order by all that points have decides.
 fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut [Node]) {
     let count = nodes.len() + 1;
     if count == 1 {
@@ -217,30 +219,45 @@ fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut
         return;
     }
     let left = count.div_ceil(2);
+    let middle = left * L;
     let axes = extent.widest_first();
-    // Where all three are tied, for want of better, the widest.
-    for (attempt, axis) in axes.into_iter().chain([axes[0]]).enumerate() {
-        let (low, middle, _) = points.select_nth_unstable_by(left * L, |a, b| {
-            a.position()[axis].total_cmp(&b.position()[axis]).then_with(|| everything(a, b))
-        });
-        let split = middle.position()[axis];
-        let low_extent = Extent::of(low);
-        if low_extent.high[axis] < split || attempt == 3 {
-            let (low, high) = points.split_at_mut(left * L);
-            let (low_nodes, rest) = nodes.split_at_mut(left - 1);
-            let (node, high_nodes) = rest.split_at_mut(1);
-            node[0] = Node { split, axis: axis as u32 };
-            let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes);
-            let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes);
-            if count * L > PARALLEL_LENGTH {
-                rayon::join(split_low, split_high);
-            } else {
-                split_low();
-                split_high();
-            }
-            return;
+    let mut chosen = None;
+    for axis in axes {
+        // Without ties across the middle, both sides are the same sets whatever the algorithm does.
+        let split = select(points, middle, axis);
+        let low = Extent::of(&points[..middle]);
+        if low.high[axis] < split {
+            chosen = Some((axis, split, low));
+            break;
         }
     }
+    let (axis, split, low_extent) = chosen.unwrap_or_else(|| {
+        points.select_nth_unstable_by(middle, everything);
+        (0, points[middle].position().x, Extent::of(&points[..middle]))
+    });
+    let (low, high) = points.split_at_mut(middle);
+    let (low_nodes, rest) = nodes.split_at_mut(left - 1);
+    let (node, high_nodes) = rest.split_at_mut(1);
+    node[0] = Node { split, axis: axis as u32 };
+    let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes);
+    let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes);
+    if count * L > PARALLEL_LENGTH {
+        rayon::join(split_low, split_high);
+    } else {
+        split_low();
+        split_high();
+    }
+}
+
+/// Moves the `middle` lowest points along `axis` to the front; the coordinate of the next one.
+fn select<P: Point>(points: &mut [P], middle: usize, axis: usize) -> f32 {
+    // One comparison for each axis, so that none has to look for its coordinate.
+    let (_, next, _) = match axis {
+        0 => points.select_nth_unstable_by(middle, |a, b| a.position().x.total_cmp(&b.position().x)),
+        1 => points.select_nth_unstable_by(middle, |a, b| a.position().y.total_cmp(&b.position().y)),
+        _ => points.select_nth_unstable_by(middle, |a, b| a.position().z.total_cmp(&b.position().z)),
+    };
+    next.position()[axis]
 }
 
 /// The box around some points.
@@ -251,11 +268,25 @@ struct Extent {
 }
 
 impl Extent {
+    const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
+
     fn of<P: Point>(points: &[P]) -> Self {
-        points.iter().fold(Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY }, |extent, point| Self {
-            low: extent.low.min(point.position()),
-            high: extent.high.max(point.position()),
-        })
+        let union = |a: Self, b: Self| Self { low: a.low.min(b.low), high: a.high.max(b.high) };
+        let of_part = |part: &[P]| {
+            // Two chains, as each minimum waits for the one before.
+            let mut extents = [Self::EMPTY; 2];
+            for pair in part.chunks(2) {
+                for (extent, point) in extents.iter_mut().zip(pair) {
+                    let p = point.position();
+                    *extent = Self { low: extent.low.min(p), high: extent.high.max(p) };
+                }
+            }
+            union(extents[0], extents[1])
+        };
+        if points.len() <= PARALLEL_LENGTH {
+            return of_part(points);
+        }
+        points.par_chunks(PARALLEL_LENGTH).map(of_part).reduce(|| Self::EMPTY, union)
     }
 
     /// The axes, that of the widest side first; of equal ones the lowest.
@@ -273,11 +304,20 @@ impl Extent {
 
 /// A total order of points by all they have.
 fn everything<P: Point>(a: &P, b: &P) -> Ordering {
-    let (p, q) = (a.position(), b.position());
-    p.x.total_cmp(&q.x)
-        .then_with(|| p.y.total_cmp(&q.y))
-        .then_with(|| p.z.total_cmp(&q.z))
-        .then_with(|| a.tie().cmp(&b.tie()))
+    // Two coordinates at once: with only one, the points of an axis-aligned wall would take the long way.
+    let first = |point: &P| {
+        let p = point.position();
+        u64::from(ordered_bits(p.x)) << 32 | u64::from(ordered_bits(p.y))
+    };
+    let rest = |point: &P| (ordered_bits(point.position().z), point.tie());
+    first(a).cmp(&first(b)).then_with(|| rest(a).cmp(&rest(b)))
+}
+
+/// Bits that order as [`f32::total_cmp`] does.
+#[inline]
+fn ordered_bits(x: f32) -> u32 {
+    let bits = x.to_bits();
+    bits ^ (((bits as i32 >> 31) as u32) | 0x8000_0000)
 }
 
 fn block_of<P: Point, const L: usize>(points: &[P]) -> Block<L> {

@@ -1,5 +1,6 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
 
+mod domain;
 mod emission;
 mod estimate;
 mod irradiance;
@@ -14,5 +15,6 @@ pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
+pub use domain::{FEELERS, KernelDomain};
 pub use emission::{Aim, EmittedPhoton, emit};
 pub use trace::{PhotonTally, TraceSettings, TracedPhotons, trace_photons};

@@ -163,8 +163,8 @@ pub(super) fn normal_code(normal: Vec3) -> u16 {
     octahedral_encode(normal, NORMAL_BITS) as u16
 }
 
-/// Each normal that a code can stand for: half of a search's candidates want theirs, and a table is four times
-/// faster than arithmetic.
+/// Each normal that a code can stand for, as every candidate of a search wants its own; the few codes that
+/// neighbours share stay in the nearest cache.
 static NORMALS: LazyLock<Box<[Vec3; NORMAL_CODES]>> =
     LazyLock::new(|| Box::new(std::array::from_fn(|code| octahedral_decode(code as u32, NORMAL_BITS))));
 

@@ -3,7 +3,7 @@
 use super::observer::Observer;
 use super::settings::Settings;
 use super::stats::{MapStatistics, PhotonStatistics};
-use crate::integrators::{PhotonMapSettings, PhotonMaps};
+use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
 use crate::photons::{EstimateParams, Kernel, PhotonMap, PhotonTally, TraceSettings, trace_photons};
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -77,7 +77,9 @@ pub fn build_maps(
             let reading = settings.photon_map_settings(scene.bounds().1);
             let template = reading.global_query(Vec3::ZERO, Vec3::Z);
             pass.maps.irradiance =
-                Some(map.precompute_irradiance(&template, &reading.global, IRRADIANCE_STRIDE));
+                Some(map.precompute_irradiance_visible(&template, &reading.global, IRRADIANCE_STRIDE, |at, normal, radius| {
+                    visible_domain(scene, at, normal, radius)
+                }));
             observer.advance(1);
         }
         pass.maps.global = Some(map);

@@ -254,6 +254,17 @@ impl Scene {
         }
     }
 
+    /// Distance from `position`, on a surface with the unit `normal`, along the unit `tangent` to what rises out of the
+    /// surface within `reach`; `None` where the way is free. What rises less than `reach / 20`, and surfaces that
+    /// face like this one within 45 degrees (its own curvature), are passed over.
+    pub fn obstacle(&self, position: Vec3, normal: Vec3, tangent: Vec3, reach: f32) -> Option<f32> {
+        const LIFT: f32 = 0.05;
+        const SAME_SURFACE_COS: f32 = std::f32::consts::FRAC_1_SQRT_2;
+        let ray = Ray { origin: position + normal * (LIFT * reach), direction: tangent, t_max: reach };
+        let hit = self.intersect(&ray)?;
+        (hit.facing_normal().dot(normal) < SAME_SURFACE_COS).then_some(hit.distance)
+    }
+
     /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the
     /// shading normal and on the other of the geometric one: light would pass a surface that it does not pass.
     #[inline]
