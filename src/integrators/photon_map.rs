@@ -289,7 +289,7 @@ fn reflected(
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.
 pub fn visible_domain(scene: &Scene, position: Vec3, normal: Vec3, radius: f32) -> Option<KernelDomain> {
-    KernelDomain::feel(normal, radius, |tangent| scene.obstacle(position, normal, tangent, radius))
+    KernelDomain::feel(normal, radius, |tangent| scene.surface_reach(position, normal, tangent, radius))
 }
 
 impl Integrator for PhotonMapIntegrator<'_> {

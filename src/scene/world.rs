@@ -254,15 +254,50 @@ impl Scene {
         }
     }
 
-    /// Distance from `position`, on a surface with the unit `normal`, along the unit `tangent` to what rises out of the
-    /// surface within `reach`; `None` where the way is free. What rises less than `reach / 20`, and surfaces that
-    /// face like this one within 45 degrees (its own curvature), are passed over.
-    pub fn obstacle(&self, position: Vec3, normal: Vec3, tangent: Vec3, reach: f32) -> Option<f32> {
+    /// How far the surface at `position`, with the unit `normal`, goes on along the unit `tangent`, as seen from that
+    /// place: up to where something rises out of it, or where it ends. `None` where it goes on for `radius`.
+    ///
+    /// One ray that comes down to the surface at the far end tells both in the open. What rises less than a few
+    /// percent of `radius`, and surfaces that face like this one within 45 degrees (its own curvature), are passed over.
+    pub fn surface_reach(&self, position: Vec3, normal: Vec3, tangent: Vec3, radius: f32) -> Option<f32> {
+        /// Height of the ray's start, in radii.
         const LIFT: f32 = 0.05;
-        const SAME_SURFACE_COS: f32 = std::f32::consts::FRAC_1_SQRT_2;
-        let ray = Ray { origin: position + normal * (LIFT * reach), direction: tangent, t_max: reach };
-        let hit = self.intersect(&ray)?;
-        (hit.facing_normal().dot(normal) < SAME_SURFACE_COS).then_some(hit.distance)
+        /// Share of the radius at which the ray meets a plane surface.
+        const LANDING: f32 = 0.95;
+        let start = position + normal * (LIFT * radius);
+        let direction = tangent * radius - normal * (LIFT / LANDING * radius);
+        match self.intersect_any_direction(&Ray { origin: start, direction, t_max: 1.0 }) {
+            Some((t, facing)) if facing.dot(normal) < SAME_SURFACE_COS => Some(t * radius),
+            Some(_) => None,
+            None => self.surface_end(position, normal, tangent, radius),
+        }
+    }
+
+    /// Where a surface ends along `tangent`, by bisection with rays straight down; `None` where it goes on after all,
+    /// curving away.
+    fn surface_end(&self, position: Vec3, normal: Vec3, tangent: Vec3, radius: f32) -> Option<f32> {
+        const STEPS: u32 = 5;
+        let is_supported = |distance: f32| {
+            let origin = position + tangent * distance + normal * (0.05 * radius);
+            // A surface that has turned by less than 45 degrees lies no deeper than this.
+            let down = Ray { origin, direction: -normal * (0.05 * radius + distance), t_max: 1.0 };
+            self.intersect_any_direction(&down).is_some_and(|(_, facing)| facing.dot(normal) >= SAME_SURFACE_COS)
+        };
+        if is_supported(radius) {
+            return None;
+        }
+        let (mut low, mut high) = (0.0, radius);
+        for _ in 0..STEPS {
+            let middle = 0.5 * (low + high);
+            if is_supported(middle) { low = middle } else { high = middle }
+        }
+        Some(0.5 * (low + high))
+    }
+
+    /// Parameter and facing normal of the nearest hit of a ray whose direction may have any length.
+    fn intersect_any_direction(&self, ray: &Ray) -> Option<(f32, Vec3)> {
+        let hit = self.parts.embree.intersect(ray)?;
+        Some((hit.t, self.interaction(ray, &hit).facing_normal()))
     }
 
     /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the
@@ -327,6 +362,9 @@ impl Scene {
         None
     }
 }
+
+/// Surfaces whose normals are this close count as one: 45 degrees, as for photons.
+const SAME_SURFACE_COS: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 /// The hit of a triangle that has no area in `f32`, which Embree reports only through rounding: its first corner,
 /// facing the ray.
