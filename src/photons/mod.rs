@@ -17,4 +17,6 @@ pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
-pub use trace::{PhotonTally, TraceSettings, TracedPhotons, trace_photons};
+pub use trace::{
+    PhotonTally, TraceSettings, TracedPhotons, record_photon_rays, trace_photons, trace_photons_alone,
+};

@@ -3,7 +3,7 @@
 use super::emission::{Aim, emit};
 use super::{Photon, PhotonClass};
 use crate::bsdf::{Lobe, TransportMode, shading_normal_correction};
-use crate::math::Rgb;
+use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::{Rng, Sobol, Stream, mix};
 use crate::scene::{MapKind, Scene, Shading, SurfaceInteraction};
@@ -120,6 +120,29 @@ pub fn trace_photons(
     Batch::new(scene, settings, stream, emitted.ceil() as u64).run(progress)
 }
 
+/// The rays of a photon pass that emits `emitted` photons, in the order in which one thread traces them: for benchmarks
+/// of ray tracing with a real workload.
+pub fn record_photon_rays(scene: &Scene, settings: &TraceSettings, emitted: u64) -> Vec<Ray> {
+    let batch = Batch::new(scene, settings, Stream::Measure, emitted);
+    let mut rays = Vec::new();
+    for light in 0..batch.shares.len() {
+        batch.trace_range(light, 0, batch.shares[light], emitted, &mut |ray| rays.push(*ray));
+    }
+    rays
+}
+
+/// The same pass on one thread, without recording: returns the rays traced.
+pub fn trace_photons_alone(scene: &Scene, settings: &TraceSettings, emitted: u64) -> (Vec<Photon>, u64) {
+    let batch = Batch::new(scene, settings, Stream::Measure, emitted);
+    let (mut photons, mut rays) = (Vec::new(), 0);
+    for light in 0..batch.shares.len() {
+        let (stored, tally) = batch.trace_range(light, 0, batch.shares[light], emitted, &mut |_| ());
+        rays += tally.bounces;
+        photons.extend(stored);
+    }
+    (photons, rays)
+}
+
 /// Photons of all lights, some of each.
 struct Batch<'a> {
     scene: &'a Scene,
@@ -158,7 +181,7 @@ impl<'a> Batch<'a> {
         let results: Option<Vec<(usize, Vec<Photon>, PhotonTally)>> = tasks
             .into_par_iter()
             .map(|(light, first, end)| {
-                let (photons, tally) = self.trace_range(light, first, end, emitted);
+                let (photons, tally) = self.trace_range(light, first, end, emitted, &mut |_| ());
                 let traced = done.fetch_add(end - first, Ordering::Relaxed) + (end - first);
                 progress(traced, emitted).then_some((light, photons, tally))
             })
@@ -173,7 +196,14 @@ impl<'a> Batch<'a> {
         Some(TracedPhotons { photons, emitted, tallies })
     }
 
-    fn trace_range(&self, light: usize, first: u64, end: u64, emitted: u64) -> (Vec<Photon>, PhotonTally) {
+    fn trace_range(
+        &self,
+        light: usize,
+        first: u64,
+        end: u64,
+        emitted: u64,
+        observe: &mut impl FnMut(&Ray),
+    ) -> (Vec<Photon>, PhotonTally) {
         let mut photons = Vec::with_capacity((end - first) as usize);
         let mut tally = PhotonTally::default();
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
@@ -200,7 +230,7 @@ impl<'a> Batch<'a> {
                 only_specular: true,
             };
             tally.power_emitted += flight.power.as_dvec3();
-            flight.run(start.ray, self.settings.max_depth, &mut photons, &mut tally);
+            flight.run(start.ray, self.settings.max_depth, &mut photons, &mut tally, observe);
         }
         tally.stored = photons.len() as u64;
         (photons, tally)
@@ -219,14 +249,18 @@ struct Flight<'a> {
 }
 
 impl Flight<'_> {
+    /// Follows the photon to its end; `observe` sees each ray.
+    #[inline]
     fn run(
         &mut self,
-        mut ray: crate::math::Ray,
+        mut ray: Ray,
         max_depth: u32,
         photons: &mut Vec<Photon>,
         tally: &mut PhotonTally,
+        observe: &mut impl FnMut(&Ray),
     ) {
         for depth in 0..max_depth {
+            observe(&ray);
             let Some(hit) = self.scene.intersect(&ray) else {
                 tally.missed += u64::from(depth == 0);
                 tally.power_escaped += self.power.as_dvec3();
@@ -273,7 +307,7 @@ impl Flight<'_> {
         hit: &SurfaceInteraction,
         shading: &Shading,
         tally: &mut PhotonTally,
-    ) -> Option<crate::math::Ray> {
+    ) -> Option<Ray> {
         if self.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
             return None;
         }
