@@ -13,7 +13,8 @@ pub fn octahedral_encode(v: Vec3, bits: u32) -> u32 {
     if v.z < 0.0 {
         (x, y) = ((1.0 - y.abs()) * 1f32.copysign(x), (1.0 - x.abs()) * 1f32.copysign(y));
     }
-    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps).round() as u32;
+    // Positive, so that the cast rounds to nearest; `round` is a call where the processor has no such instruction.
+    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps + 0.5) as u32;
     quantise(x) << bits | quantise(y)
 }
 

@@ -29,7 +29,7 @@ impl Rgbe {
         let mut out = [0u8; 4];
         for (channel, mantissa) in out.iter_mut().take(3).enumerate() {
             let threshold = (dither[channel] as f32 + 0.5) / 256.0;
-            *mantissa = (colour[channel] * scale + threshold).floor().min(255.0) as u8;
+            *mantissa = (colour[channel] * scale + threshold).min(255.0) as u8;
         }
         out[3] = (exponent + 128) as u8;
         Self(out)

@@ -3,6 +3,7 @@
 use super::emission::{Aim, emit};
 use super::{Photon, PhotonClass};
 use crate::bsdf::{Lobe, TransportMode, shading_normal_correction};
+use crate::embree::RawHit;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::{Rng, Sobol, Stream, mix};
@@ -217,103 +218,121 @@ impl<'a> Batch<'a> {
             MapKind::Global => Aim::Scene(bounds),
             MapKind::Caustic => Aim::Casters(casters, bounds),
         };
-        for index in first..end {
-            tally.emitted += 1;
-            let u = sequence.sample_4d((index >> 32) as u32, index as u32);
-            let Some(start) = emit(source, aim, u) else { continue };
-            let mut flight = Flight {
-                scene: self.scene,
-                kind: self.settings.kind,
-                rng: Rng::new(seed, self.stream, index),
-                power: start.power * scale,
-                medium: self.media[light],
-                only_specular: true,
-            };
-            tally.power_emitted += flight.power.as_dvec3();
-            flight.run(start.ray, self.settings.max_depth, &mut photons, &mut tally, observe);
+        let mut flights: Vec<Flight<'_>> = Vec::with_capacity(IN_FLIGHT);
+        let mut hits = [None; IN_FLIGHT];
+        let mut index = first;
+        loop {
+            while flights.len() < IN_FLIGHT && index < end {
+                tally.emitted += 1;
+                let u = sequence.sample_4d((index >> 32) as u32, index as u32);
+                if let Some(start) = emit(source, aim, u) {
+                    let power = start.power * scale;
+                    tally.power_emitted += power.as_dvec3();
+                    flights.push(Flight {
+                        scene: self.scene,
+                        settings: self.settings,
+                        rng: Rng::new(seed, self.stream, index),
+                        ray: start.ray,
+                        power,
+                        medium: self.media[light],
+                        depth: 0,
+                        only_specular: true,
+                    });
+                }
+                index += 1;
+            }
+            if flights.is_empty() {
+                break;
+            }
+            for (hit, flight) in hits.iter_mut().zip(&flights) {
+                observe(&flight.ray);
+                *hit = self.scene.embree().intersect(&flight.ray);
+            }
+            // From the back, so that a removal moves only flights that have been advanced.
+            for i in (0..flights.len()).rev() {
+                if !flights[i].advance(hits[i], &mut photons, &mut tally) {
+                    flights.swap_remove(i);
+                }
+            }
         }
         tally.stored = photons.len() as u64;
         (photons, tally)
     }
 }
 
+/// Photons that a thread has under way at a time. Each goes its own way, whatever the others do; but while one waits for
+/// its surface, the processor works on the next.
+const IN_FLIGHT: usize = 32;
+
 /// A photon under way.
 struct Flight<'a> {
     scene: &'a Scene,
-    kind: MapKind,
+    settings: &'a TraceSettings,
     rng: Rng,
+    ray: Ray,
     power: Rgb,
     medium: MediumId,
+    /// Surfaces met.
+    depth: u32,
     /// No diffuse surface met so far.
     only_specular: bool,
 }
 
 impl Flight<'_> {
-    /// Follows the photon to its end; `observe` sees each ray.
+    /// Goes on from what its ray hit; `false` where it ends.
     #[inline]
-    fn run(
-        &mut self,
-        mut ray: Ray,
-        max_depth: u32,
-        photons: &mut Vec<Photon>,
-        tally: &mut PhotonTally,
-        observe: &mut impl FnMut(&Ray),
-    ) {
-        for depth in 0..max_depth {
-            observe(&ray);
-            let Some(hit) = self.scene.intersect(&ray) else {
-                tally.missed += u64::from(depth == 0);
-                tally.power_escaped += self.power.as_dvec3();
-                return;
-            };
-            tally.bounces += 1;
-            let arriving = self.power;
-            let medium = self.scene.medium(self.medium);
-            if !medium.is_clear() {
-                self.power *= medium.transmittance(hit.distance);
-            }
-            let shading = hit.shading(self.scene.material(&hit));
-            if shading.bsdf.has_diffuse() {
-                self.store(&hit, depth, photons);
-            }
-            let next = self.scatter(&hit, &shading, tally);
-            let left = next.map_or(Rgb::ZERO, |_| self.power);
-            tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
-            match next {
-                Some(next) => ray = next,
-                None => return,
-            }
+    fn advance(&mut self, hit: Option<RawHit>, photons: &mut Vec<Photon>, tally: &mut PhotonTally) -> bool {
+        let Some(hit) = hit else {
+            tally.missed += u64::from(self.depth == 0);
+            tally.power_escaped += self.power.as_dvec3();
+            return false;
+        };
+        let hit = self.scene.interaction(&self.ray, &hit);
+        tally.bounces += 1;
+        let arriving = self.power;
+        let medium = self.scene.medium(self.medium);
+        if !medium.is_clear() {
+            self.power *= medium.transmittance(hit.distance);
         }
-        tally.truncated += 1;
-        tally.power_truncated += self.power.as_dvec3();
+        let shading = hit.shading(self.scene.material(&hit));
+        if shading.bsdf.has_diffuse() {
+            self.store(&hit, photons);
+        }
+        let goes_on = self.scatter(&hit, &shading, tally);
+        let left = if goes_on { self.power } else { Rgb::ZERO };
+        tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
+        self.depth += 1;
+        if goes_on && self.depth >= self.settings.max_depth {
+            tally.truncated += 1;
+            tally.power_truncated += self.power.as_dvec3();
+            return false;
+        }
+        goes_on
     }
 
-    fn store(&mut self, hit: &SurfaceInteraction, depth: u32, photons: &mut Vec<Photon>) {
-        let class = match (depth, self.only_specular) {
+    fn store(&mut self, hit: &SurfaceInteraction, photons: &mut Vec<Photon>) {
+        let class = match (self.depth, self.only_specular) {
             (0, _) => PhotonClass::Direct,
             (_, true) => PhotonClass::Caustic,
             (_, false) => PhotonClass::Indirect,
         };
-        if self.kind == MapKind::Caustic && class != PhotonClass::Caustic {
+        if self.settings.kind == MapKind::Caustic && class != PhotonClass::Caustic {
             return;
         }
         let dither = self.rng.next_f32();
         photons.push(Photon::new(hit.point.position, self.power, hit.wo, hit.facing_normal(), class, dither));
     }
 
-    /// The ray on which the photon goes on, with its new power; `None` where it ends here.
-    fn scatter(
-        &mut self,
-        hit: &SurfaceInteraction,
-        shading: &Shading,
-        tally: &mut PhotonTally,
-    ) -> Option<Ray> {
-        if self.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
-            return None;
+    /// Draws the ray on which the photon goes on, and its new power; `false` where it ends here.
+    fn scatter(&mut self, hit: &SurfaceInteraction, shading: &Shading, tally: &mut PhotonTally) -> bool {
+        if self.settings.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
+            return false;
         }
         let u_lobe = if shading.bsdf.is_delta() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
-        let sample = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux)?;
+        let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux) else {
+            return false;
+        };
         let direction = shading.frame.to_world(sample.wi);
         if sample.lobe == Lobe::Specular {
             tally.interfaces += 1;
@@ -321,25 +340,30 @@ impl Flight<'_> {
         } else {
             self.only_specular = false;
         }
-        let medium = self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)?;
+        let Some(medium) =
+            self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)
+        else {
+            return false;
+        };
         let mut power = self.power * sample.throughput;
         if shading.frame.z != shading.geometric {
             power *= shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric);
         }
         // Chromatic roulette: the brightest channel decides, so that photons keep their power and no channel of a
-        // survivor grows beyond it (slides of seed 001, with the maximum taken after the product).
+        // survivor grows beyond it.
         let survival = power.max_element() / self.power.max_element();
         if !(survival > 0.0) {
-            return None;
+            return false;
         }
         if survival < 1.0 {
             if self.rng.next_f32() >= survival {
-                return None;
+                return false;
             }
             power /= survival;
         }
         self.power = power;
         self.medium = medium;
-        Some(hit.spawn(direction))
+        self.ray = hit.spawn(direction);
+        true
     }
 }
