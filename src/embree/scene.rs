@@ -305,7 +305,9 @@ fn ray_of(ray: &Ray) -> sys::RTCRay {
         org_x: ray.origin.x,
         org_y: ray.origin.y,
         org_z: ray.origin.z,
-        tnear: 0.0,
+        // Not zero: Embree's robust test accepts `t = tnear`, and a ray that starts exactly in an axis-aligned plane
+        // through the origin has `t = 0` without any rounding.
+        tnear: f32::MIN_POSITIVE,
         dir_x: ray.direction.x,
         dir_y: ray.direction.y,
         dir_z: ray.direction.z,
@@ -384,6 +386,18 @@ mod tests {
         assert!(scene.occluded(&down(0.25, 2.0)) && !scene.occluded(&down(5.0, 2.0)));
         assert!(!scene.occluded(&Ray { t_max: 1.9, ..down(0.25, 2.0) }));
         assert!(scene.intersect(&down(f32::NAN, 2.0)).is_none());
+    }
+
+    #[test]
+    fn a_ray_does_not_hit_the_plane_that_it_starts_in() {
+        let device = Arc::new(Device::new(1).unwrap());
+        let mut builder = SceneBuilder::new(&device).unwrap();
+        builder.add_triangles(triangle()).unwrap();
+        let scene = builder.commit().unwrap();
+        for direction in [Vec3::Z, Vec3::NEG_Z, Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.1, -0.3, -0.5)] {
+            let ray = Ray::new(Vec3::new(0.25, 0.25, 0.0), direction);
+            assert!(scene.intersect(&ray).is_none() && !scene.occluded(&ray), "{direction}");
+        }
     }
 
     #[test]

@@ -83,6 +83,10 @@ pub struct TracedPhotons {
 /// Photons traced to find out how many to emit.
 const PREPASS: u64 = 20_000;
 
+/// Photons traced before those, which are enough where they are stored this often: where surfaces reflect nearly
+/// everything, a photon has thousands of bounces.
+const FIRST_PREPASS: (u64, usize) = (200, 20_000);
+
 /// Photons that one task traces.
 const CHUNK: u64 = 4096;
 
@@ -108,7 +112,10 @@ pub fn trace_photons(
     if settings.stored == 0 || scene.light_power().is_none() {
         return Some(nothing);
     }
-    let prepass = Batch::new(scene, settings, Stream::Prepass, PREPASS).run(&|_, _| true)?;
+    let mut prepass = Batch::new(scene, settings, Stream::Prepass, FIRST_PREPASS.0).run(&|_, _| true)?;
+    if prepass.photons.len() < FIRST_PREPASS.1 {
+        prepass = Batch::new(scene, settings, Stream::Prepass, PREPASS).run(&|_, _| true)?;
+    }
     if prepass.photons.is_empty() {
         return Some(TracedPhotons { photons: Vec::new(), ..prepass });
     }

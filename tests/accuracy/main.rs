@@ -1,0 +1,16 @@
+//! Pictures and photon maps against closed forms, against references made by others, and against each other.
+//!
+//! Everything goes the way of a user: scene text, description, scene, plan, maps, film. All random numbers have fixed
+//! seeds, so a test that passes once passes always on the same machine; tolerances are nevertheless chosen so that
+//! other seeds pass as well, and each says where it comes from.
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+mod determinism;
+mod direct;
+mod enclosures;
+
+mod photon_pass;
+mod pictures;
+mod refraction;
+
+mod support;
