@@ -8,13 +8,14 @@ use glam::Vec3;
 /// survives unchanged.
 pub fn octahedral_encode(v: Vec3, bits: u32) -> u32 {
     let steps = ((1u32 << bits) - 2) as f32;
-    let l1 = v.x.abs() + v.y.abs() + v.z.abs();
-    let (mut x, mut y) = (v.x / l1, v.y / l1);
+    let inverse = 1.0 / (v.x.abs() + v.y.abs() + v.z.abs());
+    let (mut x, mut y) = (v.x * inverse, v.y * inverse);
     if v.z < 0.0 {
         (x, y) = ((1.0 - y.abs()) * 1f32.copysign(x), (1.0 - x.abs()) * 1f32.copysign(y));
     }
-    // Positive, so that the cast rounds to nearest; `round` is a call where the processor has no such instruction.
-    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps + 0.5) as u32;
+    // Adding 2^23 rounds to a whole number in the low bits: `round` is a call where the processor has no such
+    // instruction, and a cast checks its range.
+    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps + 8_388_608.0).to_bits() & 0xffff;
     quantise(x) << bits | quantise(y)
 }
 

@@ -347,8 +347,7 @@ impl Flight<'_> {
         } else {
             self.only_specular = false;
         }
-        let Some(medium) =
-            self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)
+        let Some(medium) = self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)
         else {
             return false;
         };

@@ -25,7 +25,8 @@ pub fn square_to_disc(u: Vec2) -> Vec2 {
 fn sin_cos_eighth(x: f32) -> (f32, f32) {
     let phi = FRAC_PI_4 * x;
     let s = phi * phi;
-    let sin = phi * (1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362_880.0)))));
+    let sin =
+        phi * (1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362_880.0)))));
     let cos = 1.0 + s * (-0.5 + s * (1.0 / 24.0 + s * (-1.0 / 720.0 + s * (1.0 / 40_320.0))));
     (sin, cos)
 }
