@@ -68,7 +68,7 @@ impl<'a> DirectLighting<'a> {
         (probability, u): (f32, Vec2),
         counters: &mut Counters,
     ) -> Rgb {
-        let Some(sample) = light.sample_li(hit.point.position, self.scene.bounds(), u) else {
+        let Some(sample) = light.sample_li(hit.point.position, u) else {
             return Rgb::ZERO;
         };
         // Both normals must agree on the side, or light would leak through the surface.

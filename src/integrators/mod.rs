@@ -56,6 +56,8 @@ pub struct Counters {
     pub caustic_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
+    /// Feeler rays of visible kernels.
+    pub feelers: u64,
     /// Paths cut at the depth limit.
     pub truncated: u64,
     /// Interfaces met.
@@ -76,6 +78,7 @@ impl AddAssign for Counters {
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
         self.empty_lookups += other.empty_lookups;
+        self.feelers += other.feelers;
         self.truncated += other.truncated;
         self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;

@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 pub const FEELERS: usize = 16;
 
 /// A domain that keeps less than this share of its disc says more about the feelers than about the place.
-const SMALLEST_SHARE: f32 = 0.02;
+const SMALLEST_SHARE: f32 = 0.1;
 
 /// Directions of the feelers in the tangent plane, evenly spaced in the angle of the diamond `|x| + |y| = 1`, so that the
 /// sector of a point is found without an arc tangent.

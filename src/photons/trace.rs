@@ -80,8 +80,8 @@ pub struct TracedPhotons {
     pub tallies: Vec<PhotonTally>,
 }
 
-/// Photons traced to find out how many to emit.
-const PREPASS: u64 = 20_000;
+/// Photons traced to find out how many to emit: more where none of them is stored, before it is believed that none can be.
+const PREPASSES: [u64; 3] = [20_000, 400_000, 8_000_000];
 
 /// Photons traced before those, which are enough where they are stored this often: where surfaces reflect nearly
 /// everything, a photon has thousands of bounces.
@@ -113,8 +113,11 @@ pub fn trace_photons(
         return Some(nothing);
     }
     let mut prepass = Batch::new(scene, settings, Stream::Prepass, FIRST_PREPASS.0).run(&|_, _| true)?;
-    if prepass.photons.len() < FIRST_PREPASS.1 {
-        prepass = Batch::new(scene, settings, Stream::Prepass, PREPASS).run(&|_, _| true)?;
+    for emitted in PREPASSES {
+        if prepass.photons.len() < FIRST_PREPASS.1 && (emitted == PREPASSES[0] || prepass.photons.is_empty())
+        {
+            prepass = Batch::new(scene, settings, Stream::Prepass, emitted).run(&|_, _| true)?;
+        }
     }
     if prepass.photons.is_empty() {
         return Some(TracedPhotons { photons: Vec::new(), ..prepass });
@@ -244,6 +247,7 @@ impl<'a> Batch<'a> {
                         medium: self.media[light],
                         depth: 0,
                         only_specular: true,
+                        from_infinity: source.is_at_infinity(),
                     });
                 }
                 index += 1;
@@ -283,6 +287,8 @@ struct Flight<'a> {
     depth: u32,
     /// No diffuse surface met so far.
     only_specular: bool,
+    /// Its light is infinitely far away, and its first ray no distance that a medium could absorb over.
+    from_infinity: bool,
 }
 
 impl Flight<'_> {
@@ -298,7 +304,7 @@ impl Flight<'_> {
         tally.bounces += 1;
         let arriving = self.power;
         let medium = self.scene.medium(self.medium);
-        if !medium.is_clear() {
+        if !(medium.is_clear() || self.from_infinity && self.depth == 0) {
             self.power *= medium.transmittance(hit.distance);
         }
         let shading = hit.shading(self.scene.material(&hit));

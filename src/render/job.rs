@@ -156,6 +156,13 @@ fn warn(statistics: &mut Statistics, scene: &Scene) {
             counters.medium_mismatches
         ));
     }
+    if statistics.settings.integrator == IntegratorKind::Path && scene.has_hidden_caustics() {
+        warnings.push(
+            "paths from the camera never hit a point or parallel light, so their light is missing where it comes by way \
+             of mirrors or glass; the photon map has it, or give the lights a size"
+                .to_owned(),
+        );
+    }
     let panics = scene.embree().panics();
     if panics > 0 {
         warnings.push(format!("a procedural object failed {panics} times; those rays missed it"));

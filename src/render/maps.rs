@@ -56,6 +56,7 @@ impl Settings {
             max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
             gather_samples: self.gather_samples,
             light_samples: self.light_samples,
+            visible_kernel: self.visible_kernel,
             max_depth: self.max_depth,
         }
     }
@@ -129,7 +130,12 @@ fn build_map(
         bytes: map.memory_bytes() as u64,
         seconds_tracing,
         seconds_building: start.elapsed().as_secs_f64(),
-        lights: traced.tallies.iter().enumerate().map(|(i, t)| statistics_of(i, t, traced.emitted)).collect(),
+        lights: traced
+            .tallies
+            .iter()
+            .enumerate()
+            .map(|(i, t)| statistics_of(scene, i, t, traced.emitted))
+            .collect(),
     });
     warn(name, kind, wanted, &map, &traced.tallies, &mut pass.warnings);
     pass.reports.push(MapReport { kind, emitted: traced.emitted, tallies: traced.tallies });
@@ -145,8 +151,10 @@ pub(super) fn is_worth_a_warning(count: u64, all: u64) -> bool {
     count as f64 > RARE * all as f64
 }
 
-fn statistics_of(light: usize, tally: &PhotonTally, emitted: u64) -> PhotonStatistics {
-    let flux = |power: glam::DVec3| (power / emitted.max(1) as f64).to_array();
+fn statistics_of(scene: &Scene, light: usize, tally: &PhotonTally, emitted: u64) -> PhotonStatistics {
+    let space = scene.space();
+    let to_watts = 1.0 / (space.power * space.scale * space.scale * emitted.max(1) as f64);
+    let flux = |power: glam::DVec3| (power * to_watts).to_array();
     PhotonStatistics {
         light: light as u32,
         emitted: tally.emitted,

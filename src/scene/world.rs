@@ -186,6 +186,11 @@ impl Scene {
         &self.parts.casters
     }
 
+    /// True where point or parallel lights shine on specular surfaces: light that only photons find.
+    pub fn has_hidden_caustics(&self) -> bool {
+        !self.parts.casters.is_empty() && self.parts.lights.iter().any(Light::is_delta)
+    }
+
     /// The Embree scene, for benchmarks that trace bare rays.
     pub fn embree(&self) -> &CommittedScene {
         &self.parts.embree

@@ -167,6 +167,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
     let gather_samples = table.optional("gather-samples", count(1, MANY));
+    let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
     let max_depth = table.optional("max-depth", count(1, MANY));
@@ -185,6 +186,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         estimator: estimator?,
         search: search?,
         gather_samples: gather_samples?,
+        visible_kernel: visible_kernel?,
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
         max_depth: max_depth?,
