@@ -8,7 +8,7 @@ use cardioid::photons::{
 };
 use cardioid::sampling::{Rng, Stream, warp};
 use criterion::{Criterion, criterion_group, criterion_main};
-use glam::{Vec2, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::hint::black_box;
 use std::num::NonZeroUsize;
@@ -51,7 +51,7 @@ fn surface_point(rng: &mut Rng) -> (Vec3, Vec3) {
             _ => (Vec3::new(0.3 * v, height * u, 0.3), Vec3::Z),
         }
     };
-    let rotation = glam::Quat::from_rotation_y(turn);
+    let rotation = Quat::from_rotation_y(turn);
     (corner + rotation * p, rotation * n)
 }
 
@@ -60,8 +60,8 @@ fn photons(count: u64) -> Vec<Photon> {
         .map(|i| {
             let mut rng = Rng::new(1, Stream::Measure, i);
             let (position, normal) = surface_point(&mut rng);
-            let wi = glam::Quat::from_rotation_arc(Vec3::Z, normal)
-                * warp::square_to_cosine_hemisphere(rng.next_2d());
+            let wi =
+                Quat::from_rotation_arc(Vec3::Z, normal) * warp::square_to_cosine_hemisphere(rng.next_2d());
             let power = Rgb::new(1.0, 0.7, 0.5);
             Photon::new(position, power, wi, normal, PhotonClass::Indirect, rng.next_f32())
         })
@@ -134,6 +134,44 @@ fn report(what: &str, ours: Duration, theirs: Duration, count: f64) {
     );
 }
 
+/// Sum of the squared radii of all look-ups, without test of normals, as kiddo has none.
+fn our_look_ups(map: &PhotonMap, queries: &[(Vec3, Vec3)], k: usize, scratch: &mut Scratch) -> f32 {
+    let radius_squared = |&(position, normal): &(Vec3, Vec3)| {
+        let query = Query { min_normal_cos: -2.0, ..Query::nearest(position, normal, k) };
+        map.search(&query, scratch).farthest_squared()
+    };
+    queries.iter().map(radius_squared).sum()
+}
+
+/// The same by kiddo, unsorted.
+fn their_look_ups(tree: &ImmutableKdTree<f32, 3>, queries: &[(Vec3, Vec3)], k: usize) -> f32 {
+    let k = NonZeroUsize::new(k).expect("not zero");
+    let radius_squared = |(position, _): &(Vec3, Vec3)| {
+        let point = position.to_array();
+        let found = tree.query(&point).nearest_n::<SquaredEuclidean<f32>>(k).unsorted().execute();
+        found.iter().map(|item| item.distance).fold(0.0, f32::max)
+    };
+    queries.iter().map(radius_squared).sum()
+}
+
+fn compare_look_ups(
+    where_: &str,
+    map: &PhotonMap,
+    tree: &ImmutableKdTree<f32, 3>,
+    queries: &[(Vec3, Vec3)],
+    counts: &[usize],
+) {
+    let mut scratch = Scratch::default();
+    for &k in counts {
+        let (mut a, mut b) = (0.0, 0.0);
+        let ours = || a = our_look_ups(map, queries, k, &mut scratch);
+        let theirs = || b = their_look_ups(tree, queries, k);
+        let (ours, theirs) = race(9, ours, theirs);
+        assert_eq!(a, b, "both find the same photons");
+        report(&format!("{k} nearest of {PHOTONS}{where_}"), ours, theirs, queries.len() as f64);
+    }
+}
+
 fn look_up(c: &mut Criterion) {
     let photons = photons(PHOTONS);
     let points: Vec<[f32; 3]> = photons.iter().map(|p| p.position.to_array()).collect();
@@ -143,31 +181,24 @@ fn look_up(c: &mut Criterion) {
     let mut scratch = Scratch::default();
     println!("bytes a photon: {:.3}", map.memory_bytes() as f64 / map.len() as f64);
 
-    // Without test of normals, as kiddo has none: the two return the same photons.
-    let mut ours = |k: usize, sum: &mut f32| {
-        for &(position, normal) in &queries {
-            let query = Query { min_normal_cos: -2.0, ..Query::nearest(position, normal, k) };
-            *sum += map.search(&query, &mut scratch).farthest_squared();
-        }
+    compare_look_ups("", &map, &tree, &queries, &[1, 10, 50, NEAREST, 200, 500]);
+    // No plane of equal coordinates, which kiddo's trees suffer from.
+    let turn = Quat::from_rotation_x(0.4) * Quat::from_rotation_z(0.7);
+    let turned = |p: Photon| {
+        Photon::new(turn * p.position, p.power(), turn * p.wi(), turn * p.normal(), p.class(), 0.5)
     };
-    let theirs = |k: usize, sum: &mut f32| {
-        let k = NonZeroUsize::new(k).expect("not zero");
-        for (position, _) in &queries {
-            let found =
-                tree.query(&position.to_array()).nearest_n::<SquaredEuclidean<f32>>(k).unsorted().execute();
-            *sum += found.iter().map(|item| item.distance).fold(0.0, f32::max);
-        }
-    };
+    let turned = PhotonMap::build(map.photons().map(turned).collect(), PHOTONS);
+    let turned_tree = kiddo_tree(&turned.photons().map(|p| p.position.to_array()).collect::<Vec<_>>());
+    let turned_queries: Vec<_> = queries.iter().map(|&(p, n)| (turn * p, turn * n)).collect();
+    compare_look_ups(", box turned", &turned, &turned_tree, &turned_queries, &[1, 10, NEAREST, 500]);
+
     let (mut a, mut b) = (0.0, 0.0);
-    for k in [1, 10, 50, NEAREST, 200, 500] {
-        let (time, peer) = race(9, || ours(k, &mut a), || theirs(k, &mut b));
-        report(&format!("{k} nearest of {PHOTONS}"), time, peer, QUERIES as f64);
-    }
-    println!("checksums {a} {b}");
+    let mut ours = || a += our_look_ups(&map, &queries, NEAREST, &mut scratch);
+    let mut theirs = || b += their_look_ups(&tree, &queries, NEAREST);
     let mut group = c.benchmark_group("look_up");
     group.sample_size(20);
-    group.bench_function("cardioid/80", |bencher| bencher.iter(|| ours(NEAREST, &mut a)));
-    group.bench_function("kiddo/80", |bencher| bencher.iter(|| theirs(NEAREST, &mut b)));
+    group.bench_function("cardioid/80", |bencher| bencher.iter(&mut ours));
+    group.bench_function("kiddo/80", |bencher| bencher.iter(&mut theirs));
     let mut scratch = Scratch::default();
     let mut estimate = |kernel, region| {
         let params = EstimateParams { kernel, estimator: Estimator::Corrected };

@@ -26,7 +26,7 @@ pub(crate) struct InfoArgs {
 
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     let loaded = load(&args.scene)?;
-    let settings = Settings::from(&args.settings.overrides().over(loaded.description.render.clone()));
+    let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
     let plan = RenderPlan::new(scene, settings.integrator, settings.map);
     let mut out = std::io::stdout().lock();

@@ -4,8 +4,8 @@ use anyhow::{Context, Result, anyhow};
 use cardioid::embree::Device;
 use cardioid::film::PixelRect;
 use cardioid::scene_file::{
-    BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription, build_scene,
-    content_hash, load_scene,
+    BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
+    build_scene, content_hash, load_scene,
 };
 use clap::Args;
 use std::path::PathBuf;

@@ -57,9 +57,10 @@ impl Observer for Console {
         if !self.visible {
             return;
         }
-        let style = ProgressStyle::with_template("{msg:24} [{bar:40}] {percent:>3} %  {elapsed} , {eta} left")
-            .unwrap_or_else(|_| ProgressStyle::default_bar())
-            .progress_chars("=> ");
+        let style =
+            ProgressStyle::with_template("{msg:24} [{bar:40}] {percent:>3} %  {elapsed} , {eta} left")
+                .unwrap_or_else(|_| ProgressStyle::default_bar())
+                .progress_chars("=> ");
         let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10))
             .with_style(style)
             .with_message(step.to_owned());

@@ -119,7 +119,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
 }
 
 fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
-    let settings = Settings::from(&args.settings.overrides().over(loaded.description.render.clone()));
+    let settings = Settings::from(&args.settings.over(&loaded.description.render));
     RenderRequest {
         width: loaded.size.0,
         height: loaded.size.1,
@@ -183,7 +183,8 @@ impl Outputs {
         image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?;
         if let Some(path) = &args.stats {
             let text = serde_json::to_string_pretty(statistics)?;
-            std::fs::write(path, text + "\n").with_context(|| format!("{}: cannot be written", path.display()))?;
+            std::fs::write(path, text + "\n")
+                .with_context(|| format!("{}: cannot be written", path.display()))?;
         }
         Ok(())
     }
@@ -223,10 +224,27 @@ fn metadata(
         ("cardioid/samples".into(), MetadataValue::Double(statistics.samples as f64)),
         ("cardioid/embree".into(), loaded.device.version().to_string().into()),
         ("cardioid/openimageio".into(), format!("{major}.{minor}.{patch}").into()),
-        ("cardioid/target".into(), std::env::consts::ARCH.into()),
+        ("cardioid/target".into(), instruction_set().into()),
         ("cardioid/window".into(), format!("{},{},{},{}", rect.x0, rect.y0, rect.x1, rect.y1).into()),
         ("cardioid/fullSize".into(), format!("{}x{}", developed.width, developed.height).into()),
     ])
+}
+
+/// The architecture, and the widest instructions that Embree finds: hits differ in the last bits between them.
+fn instruction_set() -> String {
+    let arch = std::env::consts::ARCH;
+    #[cfg(target_arch = "x86_64")]
+    for (name, present) in [
+        ("avx512", is_x86_feature_detected!("avx512f")),
+        ("avx2", is_x86_feature_detected!("avx2")),
+        ("avx", is_x86_feature_detected!("avx")),
+        ("sse4.2", is_x86_feature_detected!("sse4.2")),
+    ] {
+        if present {
+            return format!("{arch} {name}");
+        }
+    }
+    arch.to_owned()
 }
 
 fn summary(

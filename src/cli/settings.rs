@@ -76,6 +76,10 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     light_samples: Option<u32>,
 
+    /// Whether estimates leave out what cannot be seen from their centre (not by default with `as-printed`).
+    #[arg(long, value_name = "BOOL")]
+    visible_kernel: Option<bool>,
+
     /// Longest path, in surfaces.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_depth: Option<u32>,
@@ -89,10 +93,10 @@ fn cone_constant(text: &str) -> Result<f32, String> {
 }
 
 impl SettingsArgs {
-    /// What was asked for.
-    pub(crate) fn overrides(&self) -> Overrides {
+    /// What was asked for here, over what the scene file asks for.
+    pub(crate) fn over(&self, scene: &Overrides) -> Overrides {
         let quality = self.quality.map(Quality::from);
-        let preset = quality.unwrap_or(Quality::Preview).settings();
+        let preset = quality.or(scene.quality).unwrap_or(Quality::Preview).settings();
         let caustic_by_ratio = self.photons.map(|photons| {
             let ratio = preset.caustic_photons as f64 / preset.global_photons as f64;
             (photons as f64 * ratio).round() as u64
@@ -134,8 +138,10 @@ impl SettingsArgs {
             gather_samples: self.gather_samples,
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
+            visible_kernel: self.visible_kernel,
             max_depth: self.max_depth,
         }
+        .over(scene.clone())
     }
 }
 

@@ -327,11 +327,8 @@ mod tests {
     use glam::{DVec3, Vec2, Vec3};
 
     fn triangle() -> TriangleBuffers {
-        TriangleBuffers::new(
-            vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
-            vec![[0, 1, 2]],
-        )
-        .unwrap()
+        TriangleBuffers::new(vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])
+            .unwrap()
     }
 
     /// A plane `z = 0` of the unit square that panics where x is beyond `limit`.

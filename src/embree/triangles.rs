@@ -61,7 +61,9 @@ impl TriangleBuffers {
     /// Positions of the three corners of triangle `index`.
     #[inline]
     pub fn corners(&self, index: u32) -> [[f32; 3]; 3] {
-        self.triangles[index as usize].map(|v| self.positions[v as usize])
+        // Spelled out: a closure over arrays goes through memory, and each hit waits for it.
+        let [a, b, c] = self.triangles[index as usize];
+        [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
     /// Bytes held.

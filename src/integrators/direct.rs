@@ -68,7 +68,7 @@ impl<'a> DirectLighting<'a> {
         (probability, u): (f32, Vec2),
         counters: &mut Counters,
     ) -> Rgb {
-        let Some(sample) = light.sample_li(hit.point.position, self.scene.bounds(), u) else {
+        let Some(sample) = light.sample_li(hit.point.position, u) else {
             return Rgb::ZERO;
         };
         // Both normals must agree on the side, or light would leak through the surface.
@@ -105,7 +105,9 @@ impl<'a> DirectLighting<'a> {
     /// Probability with which [`Self::radiance`] chooses a light: what the pdf of its samples is multiplied by.
     pub fn choice_probability(&self, light: LightId) -> f32 {
         match self.scene.light_power() {
-            Some(power) if self.scene.lights().len() > LIGHTS_SAMPLED_EACH => power.probability(light as usize),
+            Some(power) if self.scene.lights().len() > LIGHTS_SAMPLED_EACH => {
+                power.probability(light as usize)
+            }
             _ => 1.0,
         }
     }

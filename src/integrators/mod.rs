@@ -56,8 +56,12 @@ pub struct Counters {
     pub caustic_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
+    /// Feeler rays of visible kernels.
+    pub feelers: u64,
     /// Paths cut at the depth limit.
     pub truncated: u64,
+    /// Interfaces met.
+    pub interfaces: u64,
     /// Interfaces met in another medium than they state.
     pub medium_mismatches: u64,
     /// Segments traced, over all paths: divided by camera rays, the mean ray depth.
@@ -74,7 +78,9 @@ impl AddAssign for Counters {
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
         self.empty_lookups += other.empty_lookups;
+        self.feelers += other.feelers;
         self.truncated += other.truncated;
+        self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
         self.depth_sum += other.depth_sum;
     }

@@ -2,6 +2,7 @@
 //! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it.
 
 use super::direct::{DirectLighting, power_heuristic};
+use super::specular::chain_roulette;
 use super::{Integrator, Scratch, describe_first_hit};
 use crate::bsdf::{Lobe, TransportMode};
 use crate::film::{Aov, PixelSample};
@@ -130,6 +131,10 @@ impl PathTracer<'_> {
             return false;
         };
         state.throughput *= sample.throughput;
+        if shading.bsdf.is_delta() {
+            let Some(weight) = chain_roulette(depth, || samples.next_1d()) else { return false };
+            state.throughput *= weight;
+        }
         let brightest = state.throughput.max_element();
         if !(brightest > 0.0) {
             return false;
@@ -178,6 +183,7 @@ impl Integrator for PathTracer<'_> {
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
             let shading = hit.shading(self.scene.material(&hit));
             if shading.bsdf.is_delta() {
+                counters.interfaces += 1;
                 counters.medium_mismatches += u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
             } else if shading.bsdf.has_diffuse() {
                 let direct = self.direct.radiance(&hit, &shading, state.medium, samples, counters);

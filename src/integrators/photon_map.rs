@@ -2,14 +2,14 @@
 //! reflection is read from the photon maps.
 
 use super::direct::DirectLighting;
-use super::specular::{Branch, push_children};
+use super::specular::{Branch, chain_roulette, push_children};
 use super::{Integrator, Scratch, describe_first_hit};
 use crate::bsdf::{Bsdf, TransportMode};
 use crate::film::{Aov, PixelSample};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::photons::{EstimateParams, IrradianceMap, KernelDomain, PhotonMap, Query, SearchRegion};
+use crate::photons::{EstimateParams, FEELERS, IrradianceMap, KernelDomain, PhotonMap, Query, SearchRegion};
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
@@ -34,6 +34,8 @@ pub struct PhotonMapSettings {
     pub gather_samples: u32,
     /// Shadow rays per light and camera sample.
     pub light_samples: u32,
+    /// Whether estimates leave out what cannot be seen from their centre.
+    pub visible_kernel: bool,
     /// Surfaces that a chain of specular reflections may have.
     pub max_depth: u32,
 }
@@ -108,7 +110,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
         scratch.counters.caustic_lookups += 1;
         let query = self.settings.caustic_query(vertex.hit.point.position, vertex.hit.facing_normal());
-        reflected(self.scene, map, &query, &self.settings.caustic, vertex.shading, scratch)
+        reflected(self.scene, &self.settings, (map, &query, &self.settings.caustic), vertex.shading, scratch)
     }
 
     /// Fourth integral: light that was reflected diffusely before, gathered by rays that read the global map.
@@ -177,7 +179,9 @@ impl<'a> PhotonMapIntegrator<'a> {
                 found.indirect = throughput * self.approximate(&hit, &shading, scratch);
                 return found;
             }
-            // A specular surface on the way: one of its directions, drawn by the Fresnel term.
+            // A specular surface on the way: one of its directions, drawn by the Fresnel term. One number serves the
+            // whole chain: what a decision leaves of it is uniform again.
+            let Some(weight) = chain_roulette(depth, || refreshed(u, depth)) else { return found };
             let probability = shading.bsdf.reflection_probability(shading.wo_local);
             let Some(sample) =
                 shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance)
@@ -186,6 +190,7 @@ impl<'a> PhotonMapIntegrator<'a> {
             };
             u = if u < probability { u / probability } else { (u - probability) / (1.0 - probability) };
             u = u.clamp(0.0, crate::sampling::ONE_MINUS_EPSILON);
+            throughput *= weight;
             let direction = shading.frame.to_world(sample.wi);
             let Some(next) = self.scene.medium_after(medium, &hit, &shading, direction, sample.transmission)
             else {
@@ -207,8 +212,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         }
         scratch.counters.global_lookups += 1;
         if let (Some(irradiance), Bsdf::Lambert(lambert)) = (&self.maps.irradiance, shading.bsdf) {
-            let found =
-                irradiance.nearest(hit.point.position, hit.facing_normal(), self.settings.max_radius);
+            let found = irradiance.nearest(hit.point.position, hit.facing_normal(), self.settings.max_radius);
             return match found {
                 Some(irradiance) => lambert.reflectance * irradiance * FRAC_1_PI,
                 None => {
@@ -218,7 +222,7 @@ impl<'a> PhotonMapIntegrator<'a> {
             };
         }
         let query = self.settings.global_query(hit.point.position, hit.facing_normal());
-        reflected(self.scene, map, &query, &self.settings.global, shading, scratch)
+        reflected(self.scene, &self.settings, (map, &query, &self.settings.global), shading, scratch)
     }
 
     /// Light of an emitter that a gather ray hit by chance, weighted against light sampling.
@@ -261,6 +265,11 @@ impl<'a> PhotonMapIntegrator<'a> {
     }
 }
 
+/// Another number for a deep surface of a chain whose own number is used up: a hash of it, the same in every run.
+fn refreshed(u: f32, depth: u32) -> f32 {
+    (crate::sampling::mix(u64::from(u.to_bits()) << 32 | u64::from(depth)) >> 40) as f32 / 16_777_216.0
+}
+
 /// What a gather ray brought.
 #[derive(Clone, Copy, Debug, Default)]
 struct Gathered {
@@ -271,20 +280,38 @@ struct Gathered {
 /// Radiance that a surface reflects of the photons in a map.
 fn reflected(
     scene: &Scene,
-    map: &PhotonMap,
-    query: &Query,
-    params: &EstimateParams,
+    reading: &PhotonMapSettings,
+    (map, query, params): (&PhotonMap, &Query, &EstimateParams),
     shading: &Shading,
     scratch: &mut Scratch,
 ) -> Rgb {
-    let domain = |radius| visible_domain(scene, query.position, query.normal, radius);
-    if let Bsdf::Lambert(lambert) = shading.bsdf {
-        let irradiance = map.estimate_irradiance_visible(query, params, &mut scratch.photons, domain).value;
+    let Scratch { photons, counters, .. } = scratch;
+    let domain = |radius| {
+        if !reading.visible_kernel {
+            return None;
+        }
+        counters.feelers += FEELERS as u64;
+        visible_domain(scene, query.position, query.normal, radius)
+    };
+    let is_flat = shading.frame.z == shading.geometric;
+    if let (Bsdf::Lambert(lambert), true) = (shading.bsdf, is_flat) {
+        let irradiance = map.estimate_irradiance_visible(query, params, photons, domain).value;
         return lambert.reflectance * irradiance * FRAC_1_PI;
     }
     let wo = shading.wo_local;
-    let f = |wi: Vec3| shading.bsdf.eval(wo, shading.frame.to_local(wi));
-    map.estimate_radiance_visible(query, params, &mut scratch.photons, domain, f).value
+    let f = |wi: Vec3| {
+        let local = shading.frame.to_local(wi);
+        shading.bsdf.eval(wo, local) * cosine_ratio(local.z, wi.dot(shading.geometric))
+    };
+    map.estimate_radiance_visible(query, params, photons, domain, f).value
+}
+
+/// A photon's flux holds the cosine to the geometric normal; light that is reflected about a shading normal counts with
+/// the cosine to that one.
+fn cosine_ratio(shading: f32, geometric: f32) -> f32 {
+    /// Photons at grazing incidence are as rare as their ratio is large; a bound keeps single ones from showing.
+    const LARGEST: f32 = 10.0;
+    if shading == geometric { 1.0 } else { (shading.abs() / geometric.abs()).min(LARGEST) }
 }
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.
@@ -344,7 +371,7 @@ impl<'a> ShowPhotons<'a> {
             MapKind::Global => scratch.counters.global_lookups += 1,
             MapKind::Caustic => scratch.counters.caustic_lookups += 1,
         }
-        (aov, reflected(self.scene, map, &query, params, vertex.shading, scratch))
+        (aov, reflected(self.scene, &self.settings, (map, &query, params), vertex.shading, scratch))
     }
 }
 
@@ -378,7 +405,8 @@ fn walk_specular<const N: usize>(
         scratch.counters.depth_sum += 1;
         scratch.counters.specular_rays += u64::from(!first);
         let Some(hit) = scene.intersect(&branch.ray) else {
-            if let Some(Light::Environment(sky)) = scene.environment().map(|id| &scene.lights()[id as usize]) {
+            if let Some(Light::Environment(sky)) = scene.environment().map(|id| &scene.lights()[id as usize])
+            {
                 out.add(part(Aov::Emission), branch.throughput * sky.radiance);
             }
             continue;
@@ -395,6 +423,7 @@ fn walk_specular<const N: usize>(
         }
         let shading = hit.shading(scene.material(&hit));
         if shading.bsdf.is_delta() {
+            scratch.counters.interfaces += 1;
             scratch.counters.medium_mismatches += u64::from(scene.is_medium_mismatch(&hit, branch.medium));
             if branch.depth + 1 >= max_depth {
                 scratch.counters.truncated += 1;

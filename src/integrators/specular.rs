@@ -21,6 +21,21 @@ pub(super) struct Branch {
 /// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
 const SPLIT_DEPTH: u32 = 3;
 
+/// Surfaces after which a chain of specular ones may end: total internal reflection inside a smooth mesh need not end by
+/// itself, and loses nothing on the way.
+const ROULETTE_DEPTH: u32 = 64;
+
+/// Share of the chains that go on at each surface after that.
+const ROULETTE_SURVIVAL: f32 = 0.9;
+
+/// Factor on what a specular chain carries beyond the surface number `depth`; `None` where it ends.
+pub(super) fn chain_roulette(depth: u32, u: impl FnOnce() -> f32) -> Option<f32> {
+    if depth < ROULETTE_DEPTH {
+        return Some(1.0);
+    }
+    (u() < ROULETTE_SURVIVAL).then_some(1.0 / ROULETTE_SURVIVAL)
+}
+
 /// A branch that would carry less than this is not split off but drawn with its probability.
 const SMALLEST_SHARE: f32 = 0.02;
 
@@ -42,7 +57,9 @@ pub(super) fn push_children(
             push(branches, parent, scene, hit, shading, (u, share));
         }
     } else {
-        push(branches, parent, scene, hit, shading, (samples.next_1d(), 1.0));
+        let Some(weight) = chain_roulette(parent.depth, || samples.next_1d()) else { return };
+        let parent = Branch { throughput: parent.throughput * weight, ..*parent };
+        push(branches, &parent, scene, hit, shading, (samples.next_1d(), 1.0));
     }
 }
 
@@ -54,7 +71,8 @@ fn push(
     shading: &Shading,
     (u, share): (f32, f32),
 ) {
-    let Some(sample) = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance) else {
+    let Some(sample) = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance)
+    else {
         return;
     };
     let direction = shading.frame.to_world(sample.wi);

@@ -42,12 +42,7 @@ impl EmissionStart {
 
 impl AreaLight {
     /// A light of these pieces (one for an exact shape, one for each triangle of a mesh). `None` where there is none.
-    pub fn new(
-        pieces: Vec<EmitterShape>,
-        radiance: Rgb,
-        two_sided: bool,
-        flip_normal: bool,
-    ) -> Option<Self> {
+    pub fn new(pieces: Vec<EmitterShape>, radiance: Rgb, two_sided: bool, flip_normal: bool) -> Option<Self> {
         let choice = Distribution1D::new(pieces.iter().map(EmitterShape::area))?;
         let extent = pieces.iter().map(|piece| piece.bounds().radius()).fold(0.0, f64::max) as f32;
         Some(Self { pieces, choice, radiance, two_sided, flip_normal, extent })

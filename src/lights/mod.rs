@@ -66,14 +66,14 @@ pub struct LightSample {
     pub pdf_solid_angle: f32,
     /// Where a shadow ray ends, already off the light's surface; `None` for light from infinity.
     pub target: Option<Vec3>,
-    /// Distance to the light; infinite for light from infinity.
+    /// Distance over which a medium at the receiver absorbs: to the light, or zero for light from infinity, which would
+    /// not arrive at all through a medium without end.
     pub distance: f32,
 }
 
 impl Light {
-    /// Draws a direction from which the light reaches `from`. `bounds` is the sphere around the scene. `None` where
-    /// this `u` sends nothing there.
-    pub fn sample_li(&self, from: Vec3, bounds: (Vec3, f32), u: Vec2) -> Option<LightSample> {
+    /// Draws a direction from which the light reaches `from`. `None` where this `u` sends nothing there.
+    pub fn sample_li(&self, from: Vec3, u: Vec2) -> Option<LightSample> {
         match self {
             Self::Area(area) => area.sample_li(from, u),
             Self::Point(point) => {
@@ -94,14 +94,14 @@ impl Light {
                 radiance_over_pdf: sun.irradiance,
                 pdf_solid_angle: f32::INFINITY,
                 target: None,
-                distance: travel_in_scene(from, bounds),
+                distance: 0.0,
             }),
             Self::Environment(environment) => Some(LightSample {
                 wi: warp::square_to_sphere(u),
                 radiance_over_pdf: environment.radiance * (4.0 * PI),
                 pdf_solid_angle: 1.0 / (4.0 * PI),
                 target: None,
-                distance: travel_in_scene(from, bounds),
+                distance: 0.0,
             }),
         }
     }
@@ -120,6 +120,11 @@ impl Light {
     /// True where no ray hits the light by chance.
     pub fn is_delta(&self) -> bool {
         matches!(self, Self::Point(_) | Self::Directional(_))
+    }
+
+    /// True for light that comes from outside the scene.
+    pub fn is_at_infinity(&self) -> bool {
+        matches!(self, Self::Directional(_) | Self::Environment(_))
     }
 
     /// True for light from everywhere outside.
@@ -148,9 +153,4 @@ impl Light {
             Self::Environment(_) => Vec3::new(0.0, 10.0, 0.0),
         }
     }
-}
-
-/// Longest way that light from infinity can have travelled inside the scene.
-fn travel_in_scene(from: Vec3, (center, radius): (Vec3, f32)) -> f32 {
-    (from - center).length() + radius
 }

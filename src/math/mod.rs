@@ -30,7 +30,8 @@ pub fn luminance(colour: Rgb) -> f32 {
 /// The only way this crate makes a unit vector out of one that may be degenerate.
 pub fn unit(v: glam::Vec3) -> Option<glam::Vec3> {
     let scale = v.abs().max_element();
-    if !(scale > 0.0 && scale.is_finite()) {
+    // `max_element` may skip NaN.
+    if !(v.is_finite() && scale > 0.0) {
         return None;
     }
     // Scaled first, so that neither 1e-30 nor 1e30 leaves the range of the squared length.
@@ -41,7 +42,7 @@ pub fn unit(v: glam::Vec3) -> Option<glam::Vec3> {
 /// `v / |v|` in `f64`, or `None` where the length is zero or not finite.
 pub fn unit_f64(v: glam::DVec3) -> Option<glam::DVec3> {
     let scale = v.abs().max_element();
-    if !(scale > 0.0 && scale.is_finite()) {
+    if !(v.is_finite() && scale > 0.0) {
         return None;
     }
     let scaled = v / scale;
@@ -60,7 +61,11 @@ mod tests {
             assert!((u - Vec3::new(1.0, 2.0, -2.0) / 3.0).length() < 1e-6, "{scale}: {u}");
         }
         assert!(unit(Vec3::ZERO).is_none());
-        assert!(unit(Vec3::new(f32::NAN, 1.0, 0.0)).is_none());
+        for nan in
+            [Vec3::new(f32::NAN, 1.0, 0.0), Vec3::new(0.0, f32::NAN, 1.0), Vec3::new(1.0, 0.0, f32::NAN)]
+        {
+            assert!(unit(nan).is_none() && unit_f64(nan.as_dvec3()).is_none());
+        }
         assert!(unit(Vec3::new(f32::INFINITY, 1.0, 0.0)).is_none());
     }
 }

@@ -8,16 +8,19 @@ use glam::Vec3;
 /// survives unchanged.
 pub fn octahedral_encode(v: Vec3, bits: u32) -> u32 {
     let steps = ((1u32 << bits) - 2) as f32;
-    let l1 = v.x.abs() + v.y.abs() + v.z.abs();
-    let (mut x, mut y) = (v.x / l1, v.y / l1);
+    let inverse = 1.0 / (v.x.abs() + v.y.abs() + v.z.abs());
+    let (mut x, mut y) = (v.x * inverse, v.y * inverse);
     if v.z < 0.0 {
         (x, y) = ((1.0 - y.abs()) * 1f32.copysign(x), (1.0 - x.abs()) * 1f32.copysign(y));
     }
-    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps).round() as u32;
+    // Adding 2^23 rounds to a whole number in the low bits: `round` is a call where the processor has no such
+    // instruction, and a cast checks its range.
+    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps + 8_388_608.0).to_bits() & 0xffff;
     quantise(x) << bits | quantise(y)
 }
 
-/// The unit vector of [`octahedral_encode`]; the error is below `3 / 2^bits` radians.
+/// The unit vector of [`octahedral_encode`]. The error is largest in the middle of the octahedron's faces, where it
+/// reaches `sqrt(18) / (2^bits - 2)` radians: 4 degrees for 6 bits, 1 degree for 8.
 pub fn octahedral_decode(code: u32, bits: u32) -> Vec3 {
     let steps = ((1u32 << bits) - 2) as f32;
     let mask = (1u32 << bits) - 1;
@@ -37,14 +40,16 @@ mod tests {
     fn round_trip_error() {
         for bits in [6u32, 8, 12, 16] {
             let mut worst = 0f32;
-            for i in 0..20_000 {
+            for i in 0..200_000 {
                 let phi = i as f32 * 2.399_963;
-                let z = 1.0 - 2.0 * (i as f32 + 0.5) / 20_000.0;
+                let z = 1.0 - 2.0 * (i as f32 + 0.5) / 200_000.0;
                 let r = (1.0 - z * z).sqrt();
                 let v = Vec3::new(r * phi.cos(), r * phi.sin(), z);
                 worst = worst.max((octahedral_decode(octahedral_encode(v, bits), bits) - v).length());
             }
-            assert!(worst < 3.0 / (1u32 << bits) as f32, "{bits} bits: {worst}");
+            // The bound of the documentation, with room for the curvature that its first order leaves out.
+            let bound = 18f32.sqrt() / ((1u32 << bits) - 2) as f32;
+            assert!(worst < 1.02 * bound && worst > 0.5 * bound, "{bits} bits: {worst} against {bound}");
         }
     }
 

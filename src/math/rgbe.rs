@@ -28,8 +28,11 @@ impl Rgbe {
         let dither = [bits >> 16 & 0xff, bits >> 8 & 0xff, bits & 0xff];
         let mut out = [0u8; 4];
         for (channel, mantissa) in out.iter_mut().take(3).enumerate() {
-            let threshold = (dither[channel] as f32 + 0.5) / 256.0;
-            *mantissa = (colour[channel] * scale + threshold).floor().min(255.0) as u8;
+            // Rounding to nearest of what was moved by half a step less: rounding down, at random. 2^23 brings the
+            // whole number into the low bits.
+            let threshold = (dither[channel] as f32 - 127.5) / 256.0;
+            let moved = (colour[channel] * scale + threshold).clamp(0.0, 255.0);
+            *mantissa = (moved + 8_388_608.0).to_bits() as u8;
         }
         out[3] = (exponent + 128) as u8;
         Self(out)

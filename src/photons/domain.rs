@@ -13,7 +13,7 @@ use glam::{Vec2, Vec3};
 pub const FEELERS: usize = 16;
 
 /// A domain that keeps less than this share of its disc says more about the feelers than about the place.
-const SMALLEST_SHARE: f32 = 0.02;
+const SMALLEST_SHARE: f32 = 0.1;
 
 /// Directions of the feelers in the tangent plane, evenly spaced in the angle of the diamond `|x| + |y| = 1`, so that the
 /// sector of a point is found without an arc tangent.
@@ -98,7 +98,8 @@ impl KernelDomain {
     /// [`Kernel::mean_weight`] is for a whole disc.
     pub fn mean_weight(&self, kernel: Kernel) -> f32 {
         // Gauss-Legendre with three nodes across a sector and four along the radius; the integrands are smooth.
-        const ACROSS: [(f32, f32); 3] = [(0.112_701_67, 0.277_777_8), (0.5, 0.444_444_45), (0.887_298_3, 0.277_777_8)];
+        const ACROSS: [(f32, f32); 3] =
+            [(0.112_701_67, 0.277_777_8), (0.5, 0.444_444_45), (0.887_298_3, 0.277_777_8)];
         let whole = 0.5 * kernel.mean_weight();
         let mut sum = 0.0;
         for sector in 0..FEELERS {
@@ -123,9 +124,17 @@ impl KernelDomain {
 
 /// Integral of `K(t) t` for `t` from 0 to `end`.
 fn radial_integral(kernel: Kernel, end: f32) -> f32 {
-    const NODES: [(f32, f32); 4] =
-        [(0.069_431_84, 0.173_927_42), (0.330_009_5, 0.326_072_58), (0.669_990_5, 0.326_072_58), (0.930_568_2, 0.173_927_42)];
-    NODES.iter().map(|(node, weight)| (node * end, weight * end)).map(|(t, w)| w * t * kernel.weight(t * t)).sum()
+    const NODES: [(f32, f32); 4] = [
+        (0.069_431_84, 0.173_927_42),
+        (0.330_009_5, 0.326_072_58),
+        (0.669_990_5, 0.326_072_58),
+        (0.930_568_2, 0.173_927_42),
+    ];
+    NODES
+        .iter()
+        .map(|(node, weight)| (node * end, weight * end))
+        .map(|(t, w)| w * t * kernel.weight(t * t))
+        .sum()
 }
 
 #[cfg(test)]

@@ -48,10 +48,8 @@ pub fn emit(light: &Light, aim: Aim<'_>, u: [f32; 4]) -> Option<EmittedPhoton> {
             let cosine = start.normal.dot(direction);
             // The shares of the cosine in emission and density cancel only where it drew the direction.
             let power = area.radiance() * (cosine * per_pdf * start.area_over_pdf);
-            (cosine > 0.0 && power.max_element() > 0.0).then(|| EmittedPhoton {
-                ray: Ray::new(start.off_surface(direction), direction),
-                power,
-            })
+            (cosine > 0.0 && power.max_element() > 0.0)
+                .then(|| EmittedPhoton { ray: Ray::new(start.off_surface(direction), direction), power })
         }
         Light::Point(point) => {
             let (direction, per_pdf) = match aim {
@@ -61,10 +59,7 @@ pub fn emit(light: &Light, aim: Aim<'_>, u: [f32; 4]) -> Option<EmittedPhoton> {
                 },
                 Aim::Scene(_) => (warp::square_to_sphere(heading), 4.0 * PI),
             };
-            Some(EmittedPhoton {
-                ray: Ray::new(point.position, direction),
-                power: point.intensity * per_pdf,
-            })
+            Some(EmittedPhoton { ray: Ray::new(point.position, direction), power: point.intensity * per_pdf })
         }
         Light::Directional(sun) => {
             let (origin, area) = start_on_disc(aim, sun.direction, place)?;

@@ -347,7 +347,7 @@ impl Visitor<LEAF> for Collector<'_> {
             accepted += usize::from(self.accept.accepts(tags[index_of(key) % LEAF]));
         }
         self.len += accepted;
-        if self.len >= 2 * self.k + LEAF {
+        if self.len >= 2 * self.k + 8 {
             self.shrink();
         }
     }

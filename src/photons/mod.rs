@@ -10,11 +10,13 @@ mod map;
 mod photon;
 mod trace;
 
+pub use domain::{FEELERS, KernelDomain};
+pub use emission::{Aim, EmittedPhoton, emit};
 pub use estimate::{Estimate, EstimateParams};
 pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
-pub use domain::{FEELERS, KernelDomain};
-pub use emission::{Aim, EmittedPhoton, emit};
-pub use trace::{PhotonTally, TraceSettings, TracedPhotons, trace_photons};
+pub use trace::{
+    PhotonTally, TraceSettings, TracedPhotons, record_photon_rays, trace_photons, trace_photons_alone,
+};

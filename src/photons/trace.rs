@@ -3,7 +3,8 @@
 use super::emission::{Aim, emit};
 use super::{Photon, PhotonClass};
 use crate::bsdf::{Lobe, TransportMode, shading_normal_correction};
-use crate::math::Rgb;
+use crate::embree::RawHit;
+use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::{Rng, Sobol, Stream, mix};
 use crate::scene::{MapKind, Scene, Shading, SurfaceInteraction};
@@ -38,6 +39,8 @@ pub struct PhotonTally {
     pub missed: u64,
     /// Photons cut off at the depth limit.
     pub truncated: u64,
+    /// Specular surfaces met.
+    pub interfaces: u64,
     /// Interfaces met in another medium than they state.
     pub medium_mismatches: u64,
     /// Power that left the lights.
@@ -57,6 +60,7 @@ impl AddAssign for PhotonTally {
         self.bounces += other.bounces;
         self.missed += other.missed;
         self.truncated += other.truncated;
+        self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
         self.power_emitted += other.power_emitted;
         self.power_absorbed += other.power_absorbed;
@@ -76,8 +80,8 @@ pub struct TracedPhotons {
     pub tallies: Vec<PhotonTally>,
 }
 
-/// Photons traced to find out how many to emit.
-const PREPASS: u64 = 20_000;
+/// Photons traced to find out how many to emit: more where none of them is stored, before it is believed that none can be.
+const PREPASSES: [u64; 3] = [20_000, 400_000, 8_000_000];
 
 /// Photons traced before those, which are enough where they are stored this often: where surfaces reflect nearly
 /// everything, a photon has thousands of bounces.
@@ -109,8 +113,11 @@ pub fn trace_photons(
         return Some(nothing);
     }
     let mut prepass = Batch::new(scene, settings, Stream::Prepass, FIRST_PREPASS.0).run(&|_, _| true)?;
-    if prepass.photons.len() < FIRST_PREPASS.1 {
-        prepass = Batch::new(scene, settings, Stream::Prepass, PREPASS).run(&|_, _| true)?;
+    for emitted in PREPASSES {
+        if prepass.photons.len() < FIRST_PREPASS.1 && (emitted == PREPASSES[0] || prepass.photons.is_empty())
+        {
+            prepass = Batch::new(scene, settings, Stream::Prepass, emitted).run(&|_, _| true)?;
+        }
     }
     if prepass.photons.is_empty() {
         return Some(TracedPhotons { photons: Vec::new(), ..prepass });
@@ -122,6 +129,29 @@ pub fn trace_photons(
         MapKind::Caustic => Stream::CausticPhotons,
     };
     Batch::new(scene, settings, stream, emitted.ceil() as u64).run(progress)
+}
+
+/// The rays of a photon pass that emits `emitted` photons, in the order in which one thread traces them: for benchmarks
+/// of ray tracing with a real workload.
+pub fn record_photon_rays(scene: &Scene, settings: &TraceSettings, emitted: u64) -> Vec<Ray> {
+    let batch = Batch::new(scene, settings, Stream::Measure, emitted);
+    let mut rays = Vec::new();
+    for light in 0..batch.shares.len() {
+        batch.trace_range(light, 0, batch.shares[light], emitted, &mut |ray| rays.push(*ray));
+    }
+    rays
+}
+
+/// The same pass on one thread, without recording: returns the rays traced.
+pub fn trace_photons_alone(scene: &Scene, settings: &TraceSettings, emitted: u64) -> (Vec<Photon>, u64) {
+    let batch = Batch::new(scene, settings, Stream::Measure, emitted);
+    let (mut photons, mut rays) = (Vec::new(), 0);
+    for light in 0..batch.shares.len() {
+        let (stored, tally) = batch.trace_range(light, 0, batch.shares[light], emitted, &mut |_| ());
+        rays += tally.bounces;
+        photons.extend(stored);
+    }
+    (photons, rays)
 }
 
 /// Photons of all lights, some of each.
@@ -154,13 +184,15 @@ impl<'a> Batch<'a> {
         let emitted: u64 = self.shares.iter().sum();
         let mut tasks = Vec::new();
         for (light, &share) in self.shares.iter().enumerate() {
-            tasks.extend((0..share).step_by(CHUNK as usize).map(|first| (light, first, share.min(first + CHUNK))));
+            tasks.extend(
+                (0..share).step_by(CHUNK as usize).map(|first| (light, first, share.min(first + CHUNK))),
+            );
         }
         let done = AtomicU64::new(0);
         let results: Option<Vec<(usize, Vec<Photon>, PhotonTally)>> = tasks
             .into_par_iter()
             .map(|(light, first, end)| {
-                let (photons, tally) = self.trace_range(light, first, end, emitted);
+                let (photons, tally) = self.trace_range(light, first, end, emitted, &mut |_| ());
                 let traced = done.fetch_add(end - first, Ordering::Relaxed) + (end - first);
                 progress(traced, emitted).then_some((light, photons, tally))
             })
@@ -175,7 +207,14 @@ impl<'a> Batch<'a> {
         Some(TracedPhotons { photons, emitted, tallies })
     }
 
-    fn trace_range(&self, light: usize, first: u64, end: u64, emitted: u64) -> (Vec<Photon>, PhotonTally) {
+    fn trace_range(
+        &self,
+        light: usize,
+        first: u64,
+        end: u64,
+        emitted: u64,
+        observe: &mut impl FnMut(&Ray),
+    ) -> (Vec<Photon>, PhotonTally) {
         let mut photons = Vec::with_capacity((end - first) as usize);
         let mut tally = PhotonTally::default();
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
@@ -189,125 +228,154 @@ impl<'a> Batch<'a> {
             MapKind::Global => Aim::Scene(bounds),
             MapKind::Caustic => Aim::Casters(casters, bounds),
         };
-        for index in first..end {
-            tally.emitted += 1;
-            let u = sequence.sample_4d((index >> 32) as u32, index as u32);
-            let Some(start) = emit(source, aim, u) else { continue };
-            let mut flight = Flight {
-                scene: self.scene,
-                kind: self.settings.kind,
-                rng: Rng::new(seed, self.stream, index),
-                power: start.power * scale,
-                medium: self.media[light],
-                only_specular: true,
-            };
-            tally.power_emitted += flight.power.as_dvec3();
-            flight.run(start.ray, self.settings.max_depth, &mut photons, &mut tally);
+        let mut flights: Vec<Flight<'_>> = Vec::with_capacity(IN_FLIGHT);
+        let mut hits = [None; IN_FLIGHT];
+        let mut index = first;
+        loop {
+            while flights.len() < IN_FLIGHT && index < end {
+                tally.emitted += 1;
+                let u = sequence.sample_4d((index >> 32) as u32, index as u32);
+                if let Some(start) = emit(source, aim, u) {
+                    let power = start.power * scale;
+                    tally.power_emitted += power.as_dvec3();
+                    flights.push(Flight {
+                        scene: self.scene,
+                        settings: self.settings,
+                        rng: Rng::new(seed, self.stream, index),
+                        ray: start.ray,
+                        power,
+                        medium: self.media[light],
+                        depth: 0,
+                        only_specular: true,
+                        from_infinity: source.is_at_infinity(),
+                    });
+                }
+                index += 1;
+            }
+            if flights.is_empty() {
+                break;
+            }
+            for (hit, flight) in hits.iter_mut().zip(&flights) {
+                observe(&flight.ray);
+                *hit = self.scene.embree().intersect(&flight.ray);
+            }
+            // From the back, so that a removal moves only flights that have been advanced.
+            for i in (0..flights.len()).rev() {
+                if !flights[i].advance(hits[i], &mut photons, &mut tally) {
+                    flights.swap_remove(i);
+                }
+            }
         }
         tally.stored = photons.len() as u64;
         (photons, tally)
     }
 }
 
+/// Photons that a thread has under way at a time. Each goes its own way, whatever the others do; but while one waits for
+/// its surface, the processor works on the next.
+const IN_FLIGHT: usize = 32;
+
 /// A photon under way.
 struct Flight<'a> {
     scene: &'a Scene,
-    kind: MapKind,
+    settings: &'a TraceSettings,
     rng: Rng,
+    ray: Ray,
     power: Rgb,
     medium: MediumId,
+    /// Surfaces met.
+    depth: u32,
     /// No diffuse surface met so far.
     only_specular: bool,
+    /// Its light is infinitely far away, and its first ray no distance that a medium could absorb over.
+    from_infinity: bool,
 }
 
 impl Flight<'_> {
-    fn run(
-        &mut self,
-        mut ray: crate::math::Ray,
-        max_depth: u32,
-        photons: &mut Vec<Photon>,
-        tally: &mut PhotonTally,
-    ) {
-        for depth in 0..max_depth {
-            let Some(hit) = self.scene.intersect(&ray) else {
-                tally.missed += u64::from(depth == 0);
-                tally.power_escaped += self.power.as_dvec3();
-                return;
-            };
-            tally.bounces += 1;
-            let arriving = self.power;
-            let medium = self.scene.medium(self.medium);
-            if !medium.is_clear() {
-                self.power *= medium.transmittance(hit.distance);
-            }
-            let shading = hit.shading(self.scene.material(&hit));
-            if shading.bsdf.has_diffuse() {
-                self.store(&hit, depth, photons);
-            }
-            let next = self.scatter(&hit, &shading, tally);
-            let left = next.map_or(Rgb::ZERO, |_| self.power);
-            tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
-            match next {
-                Some(next) => ray = next,
-                None => return,
-            }
+    /// Goes on from what its ray hit; `false` where it ends.
+    #[inline]
+    fn advance(&mut self, hit: Option<RawHit>, photons: &mut Vec<Photon>, tally: &mut PhotonTally) -> bool {
+        let Some(hit) = hit else {
+            tally.missed += u64::from(self.depth == 0);
+            tally.power_escaped += self.power.as_dvec3();
+            return false;
+        };
+        let hit = self.scene.interaction(&self.ray, &hit);
+        tally.bounces += 1;
+        let arriving = self.power;
+        let medium = self.scene.medium(self.medium);
+        if !(medium.is_clear() || self.from_infinity && self.depth == 0) {
+            self.power *= medium.transmittance(hit.distance);
         }
-        tally.truncated += 1;
-        tally.power_truncated += self.power.as_dvec3();
+        let shading = hit.shading(self.scene.material(&hit));
+        if shading.bsdf.has_diffuse() {
+            self.store(&hit, photons);
+        }
+        let goes_on = self.scatter(&hit, &shading, tally);
+        let left = if goes_on { self.power } else { Rgb::ZERO };
+        tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
+        self.depth += 1;
+        if goes_on && self.depth >= self.settings.max_depth {
+            tally.truncated += 1;
+            tally.power_truncated += self.power.as_dvec3();
+            return false;
+        }
+        goes_on
     }
 
-    fn store(&mut self, hit: &SurfaceInteraction, depth: u32, photons: &mut Vec<Photon>) {
-        let class = match (depth, self.only_specular) {
+    fn store(&mut self, hit: &SurfaceInteraction, photons: &mut Vec<Photon>) {
+        let class = match (self.depth, self.only_specular) {
             (0, _) => PhotonClass::Direct,
             (_, true) => PhotonClass::Caustic,
             (_, false) => PhotonClass::Indirect,
         };
-        if self.kind == MapKind::Caustic && class != PhotonClass::Caustic {
+        if self.settings.kind == MapKind::Caustic && class != PhotonClass::Caustic {
             return;
         }
         let dither = self.rng.next_f32();
         photons.push(Photon::new(hit.point.position, self.power, hit.wo, hit.facing_normal(), class, dither));
     }
 
-    /// The ray on which the photon goes on, with its new power; `None` where it ends here.
-    fn scatter(
-        &mut self,
-        hit: &SurfaceInteraction,
-        shading: &Shading,
-        tally: &mut PhotonTally,
-    ) -> Option<crate::math::Ray> {
-        if self.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
-            return None;
+    /// Draws the ray on which the photon goes on, and its new power; `false` where it ends here.
+    fn scatter(&mut self, hit: &SurfaceInteraction, shading: &Shading, tally: &mut PhotonTally) -> bool {
+        if self.settings.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
+            return false;
         }
         let u_lobe = if shading.bsdf.is_delta() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
-        let sample = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux)?;
+        let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux) else {
+            return false;
+        };
         let direction = shading.frame.to_world(sample.wi);
         if sample.lobe == Lobe::Specular {
+            tally.interfaces += 1;
             tally.medium_mismatches += u64::from(self.scene.is_medium_mismatch(hit, self.medium));
         } else {
             self.only_specular = false;
         }
-        let medium = self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)?;
+        let Some(medium) = self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)
+        else {
+            return false;
+        };
         let mut power = self.power * sample.throughput;
         if shading.frame.z != shading.geometric {
             power *= shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric);
         }
         // Chromatic roulette: the brightest channel decides, so that photons keep their power and no channel of a
-        // survivor grows beyond it (slides of seed 001, with the maximum taken after the product).
+        // survivor grows beyond it.
         let survival = power.max_element() / self.power.max_element();
         if !(survival > 0.0) {
-            return None;
+            return false;
         }
         if survival < 1.0 {
             if self.rng.next_f32() >= survival {
-                return None;
+                return false;
             }
             power /= survival;
         }
         self.power = power;
         self.medium = medium;
-        Some(hit.spawn(direction))
+        self.ray = hit.spawn(direction);
+        true
     }
 }
-

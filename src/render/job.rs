@@ -1,15 +1,13 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
-use super::maps::{PassOne, build_maps};
+use super::maps::{PassOne, build_maps, is_worth_a_warning};
 use super::observer::Observer;
 use super::settings::Settings;
 use super::stats::{Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
+use crate::integrators::{Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShowPhotons};
 use crate::math::Rgb;
-use crate::integrators::{
-    Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShowPhotons,
-};
 use crate::sampling::SampleStream;
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
@@ -109,8 +107,7 @@ pub fn render(
         }
         IntegratorKind::Path => Box::new(PathTracer::new(scene, settings.max_depth, medium)),
     };
-    let pixels =
-        PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
+    let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
     let (counters, finished) = pixels.run(&mut film)?;
     drop(integrator);
     let mut statistics = statistics(scene, settings, plan, pass_one);
@@ -147,18 +144,25 @@ fn warn(statistics: &mut Statistics, scene: &Scene) {
     if statistics.rejected_samples > 0 {
         warnings.push(format!("{} samples were not finite and were left out", statistics.rejected_samples));
     }
-    if counters.truncated > 0 {
+    if is_worth_a_warning(counters.truncated, counters.camera_rays) {
         warnings.push(format!(
             "{} paths were cut off at {} surfaces; their light is missing (raise --max-depth)",
             counters.truncated, statistics.settings.max_depth
         ));
     }
-    if counters.medium_mismatches > 0 {
+    if is_worth_a_warning(counters.medium_mismatches, counters.interfaces) {
         warnings.push(format!(
             "{} times a ray met an interface in another medium than the interface states on that side: check `inside` \
              and `outside` of the materials and the direction of normals",
             counters.medium_mismatches
         ));
+    }
+    if statistics.settings.integrator == IntegratorKind::Path && scene.has_hidden_caustics() {
+        warnings.push(
+            "paths from the camera never hit a point or parallel light, so their light is missing where it comes by way \
+             of mirrors or glass; the photon map has it, or give the lights a size"
+                .to_owned(),
+        );
     }
     let panics = scene.embree().panics();
     if panics > 0 {

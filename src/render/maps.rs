@@ -56,6 +56,7 @@ impl Settings {
             max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
             gather_samples: self.gather_samples,
             light_samples: self.light_samples,
+            visible_kernel: self.visible_kernel,
             max_depth: self.max_depth,
         }
     }
@@ -76,10 +77,12 @@ pub fn build_maps(
             observer.begin("precomputing irradiance", 1);
             let reading = settings.photon_map_settings(scene.bounds().1);
             let template = reading.global_query(Vec3::ZERO, Vec3::Z);
-            pass.maps.irradiance =
-                Some(map.precompute_irradiance_visible(&template, &reading.global, IRRADIANCE_STRIDE, |at, normal, radius| {
-                    visible_domain(scene, at, normal, radius)
-                }));
+            pass.maps.irradiance = Some(map.precompute_irradiance_visible(
+                &template,
+                &reading.global,
+                IRRADIANCE_STRIDE,
+                |at, normal, radius| visible_domain(scene, at, normal, radius),
+            ));
             observer.advance(1);
         }
         pass.maps.global = Some(map);
@@ -127,15 +130,31 @@ fn build_map(
         bytes: map.memory_bytes() as u64,
         seconds_tracing,
         seconds_building: start.elapsed().as_secs_f64(),
-        lights: traced.tallies.iter().enumerate().map(|(i, t)| statistics_of(i, t, traced.emitted)).collect(),
+        lights: traced
+            .tallies
+            .iter()
+            .enumerate()
+            .map(|(i, t)| statistics_of(scene, i, t, traced.emitted))
+            .collect(),
     });
     warn(name, kind, wanted, &map, &traced.tallies, &mut pass.warnings);
     pass.reports.push(MapReport { kind, emitted: traced.emitted, tallies: traced.tallies });
     Some(map)
 }
 
-fn statistics_of(light: usize, tally: &PhotonTally, emitted: u64) -> PhotonStatistics {
-    let flux = |power: glam::DVec3| (power / emitted.max(1) as f64).to_array();
+/// Events as rare as this come from places where surfaces touch within rounding, and cannot be seen. The statistics have
+/// them all the same.
+const RARE: f64 = 1e-4;
+
+/// True where `count` of `all` events is more than the few that rounding explains.
+pub(super) fn is_worth_a_warning(count: u64, all: u64) -> bool {
+    count as f64 > RARE * all as f64
+}
+
+fn statistics_of(scene: &Scene, light: usize, tally: &PhotonTally, emitted: u64) -> PhotonStatistics {
+    let space = scene.space();
+    let to_watts = 1.0 / (space.power * space.scale * space.scale * emitted.max(1) as f64);
+    let flux = |power: glam::DVec3| (power * to_watts).to_array();
     PhotonStatistics {
         light: light as u32,
         emitted: tally.emitted,
@@ -176,18 +195,21 @@ fn warn(
         ));
     }
     if map.dropped() > 0 {
-        warnings.push(format!("{} photons of the {name} map had no finite position and were dropped", map.dropped()));
+        warnings.push(format!(
+            "{} photons of the {name} map had no finite position and were dropped",
+            map.dropped()
+        ));
     }
     let sum = |field: fn(&PhotonTally) -> u64| tallies.iter().map(field).sum::<u64>();
     let truncated = sum(|tally| tally.truncated);
-    if truncated > 0 {
+    if is_worth_a_warning(truncated, sum(|tally| tally.emitted)) {
         warnings.push(format!(
             "{truncated} photons of the {name} map were cut off at the depth limit; their light is missing (raise \
              --max-depth, or is a reflectance 1?)"
         ));
     }
     let mismatches = sum(|tally| tally.medium_mismatches);
-    if mismatches > 0 {
+    if is_worth_a_warning(mismatches, sum(|tally| tally.interfaces)) {
         warnings.push(format!(
             "{mismatches} times a photon met an interface in another medium than the interface states on that side: \
              check `inside` and `outside` of the materials and the direction of normals"

@@ -52,7 +52,9 @@ pub struct Overrides {
     pub precomputed_irradiance: Option<bool>,
     /// Shadow rays per light and camera sample.
     pub light_samples: Option<u32>,
-    /// Longest path, in bounces, after which light is counted as truncated.
+    /// Whether estimates leave out what cannot be seen from their centre.
+    pub visible_kernel: Option<bool>,
+    /// Longest path, in surfaces, after which light is counted as truncated.
     pub max_depth: Option<u32>,
 }
 
@@ -75,6 +77,7 @@ impl Overrides {
             gather_samples: self.gather_samples.or(below.gather_samples),
             precomputed_irradiance: self.precomputed_irradiance.or(below.precomputed_irradiance),
             light_samples: self.light_samples.or(below.light_samples),
+            visible_kernel: self.visible_kernel.or(below.visible_kernel),
             max_depth: self.max_depth.or(below.max_depth),
         }
     }
@@ -114,6 +117,8 @@ pub struct Settings {
     pub precomputed_irradiance: bool,
     /// Shadow rays per light and camera sample.
     pub light_samples: u32,
+    /// Whether estimates leave out what cannot be seen from their centre.
+    pub visible_kernel: bool,
     /// Longest path, in surfaces.
     pub max_depth: u32,
 }
@@ -143,6 +148,7 @@ impl Quality {
             gather_samples,
             precomputed_irradiance: true,
             light_samples: 1,
+            visible_kernel: true,
             // Reached with probability 1e-4 where everything reflects 99.9 %.
             max_depth: 10_000,
         }
@@ -168,6 +174,10 @@ impl From<&Overrides> for Settings {
             gather_samples: asked.gather_samples.unwrap_or(preset.gather_samples),
             precomputed_irradiance: asked.precomputed_irradiance.unwrap_or(preset.precomputed_irradiance),
             light_samples: asked.light_samples.unwrap_or(preset.light_samples),
+            // The printed formulas know nothing of it.
+            visible_kernel: asked
+                .visible_kernel
+                .unwrap_or(preset.visible_kernel && asked.estimator != Some(Estimator::AsPrinted)),
             max_depth: asked.max_depth.unwrap_or(preset.max_depth),
         }
     }

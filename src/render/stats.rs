@@ -13,7 +13,7 @@ pub struct Times {
     pub pixels: f64,
 }
 
-/// What became of the photons of one light. Fluxes in the units of render space, per channel.
+/// What became of the photons of one light. Fluxes in watts, per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PhotonStatistics {
     /// Number of the light.

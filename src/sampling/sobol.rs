@@ -40,7 +40,31 @@ const fn direction_numbers() -> [[u32; 32]; SOBOL_DIMENSIONS] {
     all
 }
 
-const DIRECTIONS: [[u32; 32]; SOBOL_DIMENSIONS] = direction_numbers();
+/// XOR of the direction numbers for each value of each byte of an index: a coordinate in four look-ups. Bits reversed,
+/// as the scramble wants them.
+const fn byte_tables() -> [[[u32; 256]; 4]; SOBOL_DIMENSIONS] {
+    let directions = direction_numbers();
+    let mut tables = [[[0u32; 256]; 4]; SOBOL_DIMENSIONS];
+    let mut dimension = 0;
+    while dimension < SOBOL_DIMENSIONS {
+        let mut byte = 0;
+        while byte < 4 {
+            let mut value = 1;
+            while value < 256usize {
+                // The value without its lowest bit, and that bit's direction.
+                let bit = value.trailing_zeros() as usize;
+                let rest = tables[dimension][byte][value & (value - 1)];
+                tables[dimension][byte][value] = rest ^ directions[dimension][byte * 8 + bit].reverse_bits();
+                value += 1;
+            }
+            byte += 1;
+        }
+        dimension += 1;
+    }
+    tables
+}
+
+static TABLES: [[[u32; 256]; 4]; SOBOL_DIMENSIONS] = byte_tables();
 
 /// A padded, Owen-scrambled Sobol' sequence (Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020).
 ///
@@ -68,7 +92,12 @@ impl Sobol {
     #[inline]
     pub fn sample_4d(&self, set: u32, index: u32) -> [f32; 4] {
         let (shuffled, seeds) = self.shuffled(set, index);
-        [0, 1, 2, 3].map(|dimension| scrambled(shuffled, dimension, seeds))
+        [
+            scrambled(shuffled, 0, seeds),
+            scrambled(shuffled, 1, seeds),
+            scrambled(shuffled, 2, seeds),
+            scrambled(shuffled, 3, seeds),
+        ]
     }
 
     /// One coordinate of the point with `index` in set number `set`, in `[0, 1)`.
@@ -90,22 +119,20 @@ impl Sobol {
 #[inline]
 fn scrambled(index: u32, dimension: usize, seeds: u64) -> f32 {
     let seed = (seeds >> (dimension * 8)) as u32 ^ (dimension as u32).wrapping_mul(0x9e37_79b9);
-    let x = laine_karras(sobol_bits(index, dimension).reverse_bits(), seed).reverse_bits();
+    let x = laine_karras(reversed_sobol(index, dimension), seed).reverse_bits();
     (x >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
+/// The coordinate of point `index` in one dimension, as 32 bits behind the point, in reverse order.
 #[inline]
-fn sobol_bits(mut index: u32, dimension: usize) -> u32 {
+fn reversed_sobol(index: u32, dimension: usize) -> u32 {
     if dimension == 0 {
-        return index.reverse_bits();
+        // The van der Corput sequence is the reversed index.
+        return index;
     }
-    let mut x = 0;
-    let directions = &DIRECTIONS[dimension];
-    while index != 0 {
-        x ^= directions[index.trailing_zeros() as usize];
-        index &= index - 1;
-    }
-    x
+    let [a, b, c, d] = index.to_le_bytes();
+    let table = &TABLES[dimension];
+    table[0][a as usize] ^ table[1][b as usize] ^ table[2][c as usize] ^ table[3][d as usize]
 }
 
 /// A hash in which each bit depends only on lower ones: an Owen scramble of bit-reversed numbers (Laine & Karras

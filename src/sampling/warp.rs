@@ -1,7 +1,7 @@
 //! Maps of the unit square to points and directions, with their densities.
 
 use glam::{Vec2, Vec3};
-use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, TAU};
+use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, TAU};
 
 /// The unit disc, area-preserving and of low distortion (Shirley & Chiu, "A Low Distortion Map Between Disk and
 /// Square", 1997). Density `1 / pi` per area.
@@ -10,13 +10,25 @@ pub fn square_to_disc(u: Vec2) -> Vec2 {
     if p.x == 0.0 && p.y == 0.0 {
         return Vec2::ZERO;
     }
-    let (r, phi) = if p.x.abs() > p.y.abs() {
-        (p.x, FRAC_PI_4 * (p.y / p.x))
+    let (r, (sin, cos)) = if p.x.abs() > p.y.abs() {
+        (p.x, sin_cos_eighth(p.y / p.x))
     } else {
-        (p.y, FRAC_PI_2 - FRAC_PI_4 * (p.x / p.y))
+        // The angle to the y axis instead of that to the x axis.
+        let (cos, sin) = sin_cos_eighth(p.x / p.y);
+        (p.y, (sin, cos))
     };
-    let (sin, cos) = phi.sin_cos();
     Vec2::new(r * cos, r * sin)
+}
+
+/// Sine and cosine of `pi/4 x` for `x` in `[-1, 1]`, by their Taylor polynomials: within 3e-8, the same bits on every
+/// machine, and several times cheaper than the general functions.
+fn sin_cos_eighth(x: f32) -> (f32, f32) {
+    let phi = FRAC_PI_4 * x;
+    let s = phi * phi;
+    let sin =
+        phi * (1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0 + s * (1.0 / 362_880.0)))));
+    let cos = 1.0 + s * (-0.5 + s * (1.0 / 24.0 + s * (-1.0 / 720.0 + s * (1.0 / 40_320.0))));
+    (sin, cos)
 }
 
 /// The hemisphere around +z with density `cos(theta) / pi` per solid angle (Malley's method).
@@ -101,6 +113,16 @@ mod tests {
         assert!((sphere / n).length() < 0.005);
         assert!((cone / f64::from(n) - 0.85).abs() < 1e-3);
         assert!((triangle / n - Vec2::splat(1.0 / 3.0)).length() < 0.003);
+    }
+
+    #[test]
+    fn the_disc_map_follows_the_trigonometric_functions() {
+        for i in -1000..=1000 {
+            let x = i as f32 / 1000.0;
+            let (sin, cos) = sin_cos_eighth(x);
+            let phi = std::f64::consts::FRAC_PI_4 * f64::from(x);
+            assert!((f64::from(sin) - phi.sin()).abs() < 1e-7 && (f64::from(cos) - phi.cos()).abs() < 1e-7);
+        }
     }
 
     #[test]

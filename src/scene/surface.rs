@@ -4,8 +4,8 @@ use super::material::Material;
 use crate::bsdf::Bsdf;
 use crate::embree::SurfacePoint;
 use crate::math::rounding::UNIT_ROUNDOFF;
-use crate::math::{Frame, Ray};
-use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+use crate::math::{Frame, Ray, unit_f64};
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
 
 /// Geometry of a hit before anything is known of its material: a point, a normal, and how far a ray must start from
 /// the point to be on a known side of the surface.
@@ -32,33 +32,45 @@ impl HitPoint {
     /// The offset bounds three errors, to first order in the unit roundoff `u`, component by component so that an
     /// axis-aligned wall of any size has none in its plane:
     ///
-    /// - rounding of the position: `u |p|`;
+    /// - the position is computed in `f32`: `u |p|` for the result, `3 u` of each edge for the way there;
     /// - Embree moves corners to the ray's origin first: `u |v_k - p|` each, a few roundings in their product with
     ///   the normal;
     /// - and takes the normal from those moved corners: `u (|v - p|_j |e|_k + |v - p|_k |e|_j)` in component i.
-    #[inline]
+    #[inline(always)]
     pub fn on_triangle(corners: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
-        let [v0, v1, v2] = corners.map(|v| Vec3::from_array(v).as_dvec3());
+        let [v0, v1, v2] = corners;
+        let (v0, v1, v2) = (Vec3A::from_array(v0), Vec3A::from_array(v1), Vec3A::from_array(v2));
         let (e1, e2) = (v1 - v0, v2 - v0);
-        let p = v0 + e1 * f64::from(uv[0]) + e2 * f64::from(uv[1]);
         let n = e1.cross(e2);
         let length_squared = n.length_squared();
-        if !(length_squared > 0.0) {
-            return None;
+        // Outside the range in which neither the cross product nor its square loses digits.
+        if !(1e-28..1e28).contains(&length_squared) {
+            return Self::on_tiny_triangle(corners, uv);
         }
         let inverse_length = 1.0 / length_squared.sqrt();
-        let normal = (n * inverse_length).as_vec3();
-        let reach = (v0 - p).abs().max((v1 - p).abs()).max((v2 - p).abs()).as_vec3();
-        let edge = e1.abs().max(e2.abs()).as_vec3();
-        let tilt = (Vec3::new(
-            reach.y * edge.z + reach.z * edge.y,
-            reach.z * edge.x + reach.x * edge.z,
-            reach.x * edge.y + reach.y * edge.x,
-        ) * inverse_length as f32)
-            .dot(reach);
-        let position = p.as_vec3();
-        let offset = UNIT_ROUNDOFF * SAFETY * (normal.abs().dot(position.abs() + 4.0 * reach) + 2.0 * tilt);
-        Some(Self { position, normal, offset, uv: Vec2::from_array(uv) })
+        let normal = n * inverse_length;
+        let position = v0 + e1 * uv[0] + e2 * uv[1];
+        let reach = (v0 - position).abs().max((v1 - position).abs()).max((v2 - position).abs());
+        let edge = e1.abs().max(e2.abs());
+        // Component i holds the products of j and k.
+        let tilt = (reach.yzx() * edge.zxy() + reach.zxy() * edge.yzx()).dot(reach) * inverse_length;
+        let error = position.abs() + 4.0 * reach + 3.0 * edge;
+        let offset = UNIT_ROUNDOFF * SAFETY * (normal.abs().dot(error) + 3.0 * tilt);
+        Some(Self { position: position.into(), normal: normal.into(), offset, uv: Vec2::from_array(uv) })
+    }
+
+    /// [`Self::on_triangle`] where the area leaves the range of `f32`.
+    #[cold]
+    fn on_tiny_triangle(corners: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
+        let [v0, v1, v2] = corners.map(|v| Vec3::from_array(v).as_dvec3());
+        let (e1, e2) = (v1 - v0, v2 - v0);
+        let normal = unit_f64(e1.cross(e2))?.as_vec3();
+        let position = (v0 + e1 * f64::from(uv[0]) + e2 * f64::from(uv[1])).as_vec3();
+        // The whole extent instead of its share along the normal: what Embree makes of such a triangle is anyone's
+        // guess.
+        let extent = e1.abs().max(e2.abs()).as_vec3();
+        let error = position.abs() * UNIT_ROUNDOFF + extent * 1e-3;
+        Some(Self { position, normal, offset: SAFETY * error.dot(Vec3::ONE), uv: Vec2::from_array(uv) })
     }
 
     /// The point of a procedural object, which states its own error.

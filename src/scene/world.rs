@@ -186,6 +186,11 @@ impl Scene {
         &self.parts.casters
     }
 
+    /// True where point or parallel lights shine on specular surfaces: light that only photons find.
+    pub fn has_hidden_caustics(&self) -> bool {
+        !self.parts.casters.is_empty() && self.parts.lights.iter().any(Light::is_delta)
+    }
+
     /// The Embree scene, for benchmarks that trace bare rays.
     pub fn embree(&self) -> &CommittedScene {
         &self.parts.embree
@@ -210,12 +215,28 @@ impl Scene {
     }
 
     /// Turns Embree's hit into a point with its error bound.
-    #[inline]
+    #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
-        let (index, placement) = match (&self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize], hit.instance)
-        {
-            (Node::Surface(index), _) => (*index, None),
-            (Node::Instance { first, placement }, _) => (first + hit.geometry, Some(placement)),
+        if let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance) {
+            let surface = &self.parts.surfaces[*index as usize];
+            if let Geometry::Mesh(mesh) = &surface.geometry {
+                // Nearly every hit there is.
+                let corners = mesh.buffers.corners(hit.primitive);
+                let point = HitPoint::on_triangle(corners, hit.uv)
+                    .unwrap_or_else(|| flat_hit(corners, -ray.direction));
+                let shading_normal = mesh.shading_normal(hit.primitive, hit.uv, point.normal);
+                return found(ray, hit, *index, surface, point, shading_normal);
+            }
+        }
+        self.general_interaction(ray, hit)
+    }
+
+    /// [`Self::interaction`] for procedural objects and instances.
+    #[inline(never)]
+    fn general_interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
+        let (index, placement) = match &self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize] {
+            Node::Surface(index) => (*index, None),
+            Node::Instance { first, placement } => (first + hit.geometry, Some(placement)),
         };
         let surface = &self.parts.surfaces[index as usize];
         let (mut point, mut shading_normal) = match &surface.geometry {
@@ -232,26 +253,11 @@ impl Scene {
             }
         };
         if let Some(placement) = placement {
-            shading_normal = if shading_normal == point.normal {
-                point = point.transformed(placement);
-                point.normal
-            } else {
-                point = point.transformed(placement);
-                placement.normal_to_world(shading_normal)
-            };
+            let is_flat = shading_normal == point.normal;
+            point = point.transformed(placement);
+            shading_normal = if is_flat { point.normal } else { placement.normal_to_world(shading_normal) };
         }
-        if surface.flip_normal {
-            point.normal = -point.normal;
-            shading_normal = -shading_normal;
-        }
-        SurfaceInteraction {
-            point,
-            shading_normal,
-            wo: -ray.direction,
-            distance: hit.t,
-            surface: index,
-            primitive: hit.primitive,
-        }
+        found(ray, hit, index, surface, point, shading_normal)
     }
 
     /// How far the surface at `position`, with the unit `normal`, goes on along the unit `tangent`, as seen from that
@@ -281,7 +287,8 @@ impl Scene {
             let origin = position + tangent * distance + normal * (0.05 * radius);
             // A surface that has turned by less than 45 degrees lies no deeper than this.
             let down = Ray { origin, direction: -normal * (0.05 * radius + distance), t_max: 1.0 };
-            self.intersect_any_direction(&down).is_some_and(|(_, facing)| facing.dot(normal) >= SAME_SURFACE_COS)
+            self.intersect_any_direction(&down)
+                .is_some_and(|(_, facing)| facing.dot(normal) >= SAME_SURFACE_COS)
         };
         if is_supported(radius) {
             return None;
@@ -360,6 +367,29 @@ impl Scene {
             ray = hit.spawn(ray.direction);
         }
         None
+    }
+}
+
+#[inline(always)]
+fn found(
+    ray: &Ray,
+    hit: &RawHit,
+    index: u32,
+    surface: &Surface,
+    mut point: HitPoint,
+    mut shading_normal: Vec3,
+) -> SurfaceInteraction {
+    if surface.flip_normal {
+        point.normal = -point.normal;
+        shading_normal = -shading_normal;
+    }
+    SurfaceInteraction {
+        point,
+        shading_normal,
+        wo: -ray.direction,
+        distance: hit.t,
+        surface: index,
+        primitive: hit.primitive,
     }
 }
 

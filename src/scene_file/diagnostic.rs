@@ -9,6 +9,18 @@ use std::sync::Arc;
 /// At most this many errors of a file are shown; the rest are counted.
 const SHOWN: usize = 20;
 
+/// Longest message and remedy, in characters: names in a file may have any length.
+const MESSAGE_LENGTH: usize = 600;
+
+/// Names longer than this, in bytes, are not compared: distances take the product of the lengths.
+const COMPARED_LENGTH: usize = 64;
+
+/// At most this many names are compared.
+const COMPARED_NAMES: usize = 2000;
+
+/// Bytes of text between two entries of the index of characters.
+const CHARACTER_STRIDE: usize = 1024;
+
 /// Longest piece of a source line that a message repeats, in characters.
 const EXCERPT_WIDTH: usize = 100;
 
@@ -75,13 +87,18 @@ pub enum SceneFileError {
         /// The longest that is read.
         limit: u64,
     },
-    /// The text says something wrong: everything that was found, in the order of the file.
-    #[error("{}", Several(.0))]
-    Invalid(Vec<Diagnostic>),
+    /// The text says something wrong.
+    #[error("{}", Several(diagnostics, *more))]
+    Invalid {
+        /// What was found, in the order of the file.
+        diagnostics: Vec<Diagnostic>,
+        /// How many errors were found beyond those.
+        more: u64,
+    },
 }
 
 /// Displays a list of diagnostics, cut where nobody would read on.
-struct Several<'a>(&'a [Diagnostic]);
+struct Several<'a>(&'a [Diagnostic], u64);
 
 impl fmt::Display for Several<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -89,9 +106,9 @@ impl fmt::Display for Several<'_> {
             let separator = if index == 0 { "" } else { "\n" };
             write!(f, "{separator}{diagnostic}")?;
         }
-        match self.0.len().checked_sub(SHOWN) {
-            None | Some(0) => Ok(()),
-            Some(more) => write!(f, "\n... and {more} more"),
+        match self.0.len().saturating_sub(SHOWN) as u64 + self.1 {
+            0 => Ok(()),
+            more => write!(f, "\n... and {more} more"),
         }
     }
 }
@@ -103,13 +120,29 @@ pub(super) struct SourceText<'a> {
     file: Arc<PathBuf>,
     /// Offset of the first byte of each line.
     line_starts: Vec<usize>,
+    /// Number of characters that begin before each multiple of [`CHARACTER_STRIDE`]. A file may be one long line, in
+    /// which counting from its start for each place would take forever.
+    characters: Vec<usize>,
 }
 
 impl<'a> SourceText<'a> {
     pub(super) fn new(text: &'a str, file: &Path) -> Self {
         let ends = text.bytes().enumerate().filter(|&(_, byte)| byte == b'\n').map(|(at, _)| at + 1);
         let line_starts = std::iter::once(0).chain(ends).collect();
-        Self { text, file: Arc::new(file.to_path_buf()), line_starts }
+        let mut characters = vec![0];
+        let mut count = 0;
+        for chunk in text.as_bytes().chunks(CHARACTER_STRIDE) {
+            count += count_characters(chunk);
+            characters.push(count);
+        }
+        Self { text, file: Arc::new(file.to_path_buf()), line_starts, characters }
+    }
+
+    /// Number of characters that begin before byte `offset`.
+    fn characters_before(&self, offset: usize) -> usize {
+        let block = offset / CHARACTER_STRIDE;
+        let rest = &self.text.as_bytes()[block * CHARACTER_STRIDE..offset];
+        self.characters[block] + count_characters(rest)
     }
 
     /// The file as a whole.
@@ -119,9 +152,10 @@ impl<'a> SourceText<'a> {
 
     /// Line and column of a byte offset; offsets beyond the end mean the end.
     pub(super) fn location(&self, offset: usize) -> Location {
+        let offset = offset.min(self.text.len());
         let (line, start) = self.line_of(offset);
-        let before = self.text.get(start..offset.min(self.text.len())).unwrap_or_default();
-        Location { file: Arc::clone(&self.file), line: line + 1, column: before.chars().count() + 1 }
+        let column = self.characters_before(offset) - self.characters_before(start) + 1;
+        Location { file: Arc::clone(&self.file), line: line + 1, column }
     }
 
     /// The text between two byte offsets.
@@ -132,11 +166,11 @@ impl<'a> SourceText<'a> {
     pub(super) fn diagnostic(&self, span: &Range<usize>, message: String, remedy: String) -> Diagnostic {
         let location = self.location(span.start);
         let excerpt = Some(self.excerpt(span));
-        Diagnostic { location, message, remedy, excerpt }
+        Diagnostic { location, message: cut(message), remedy: cut(remedy), excerpt }
     }
 
     pub(super) fn diagnostic_of_file(&self, message: String, remedy: String) -> Diagnostic {
-        Diagnostic { location: self.whole(), message, remedy, excerpt: None }
+        Diagnostic { location: self.whole(), message: cut(message), remedy: cut(remedy), excerpt: None }
     }
 
     /// Index (from 0) and first byte of the line around `offset`.
@@ -162,10 +196,27 @@ impl<'a> SourceText<'a> {
     }
 }
 
+fn count_characters(text: &[u8]) -> usize {
+    // Every character has exactly one byte that does not continue another.
+    text.iter().filter(|&&byte| byte & 0xc0 != 0x80).count()
+}
+
+fn cut(mut message: String) -> String {
+    if let Some((end, _)) = message.char_indices().nth(MESSAGE_LENGTH) {
+        message.truncate(end);
+        message.push_str(" ...");
+    }
+    message
+}
+
 /// The known name nearest to `name`, where one is near enough to be what was meant.
 pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    if name.len() > COMPARED_LENGTH {
+        return None;
+    }
     let allowed = (name.chars().count() / 3).max(2);
-    let distances = known.into_iter().map(|other| (strsim::damerau_levenshtein(name, other), other));
+    let known = known.into_iter().take(COMPARED_NAMES).filter(|other| other.len() <= COMPARED_LENGTH);
+    let distances = known.map(|other| (strsim::damerau_levenshtein(name, other), other));
     distances
         .filter(|&(distance, _)| distance <= allowed)
         .min_by_key(|&(distance, _)| distance)

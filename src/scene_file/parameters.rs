@@ -8,6 +8,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use toml::de::DeValue;
 
+/// Longest string that filling in parameters may make, in bytes.
+const MAX_FILLED: usize = 1 << 16;
+
 /// One parameter of a scene file.
 #[derive(Debug)]
 struct Parameter {
@@ -104,19 +107,21 @@ impl Parameters {
                     return None;
                 }
             }
+            // Short texts with long parameters must not fill the memory.
+            if filled.len() > MAX_FILLED {
+                let message = format!("longer than {MAX_FILLED} bytes with its parameters filled in");
+                context.error(span, message, "make the parameters shorter");
+                return None;
+            }
         }
         Some(Cow::Owned(filled))
     }
 
     fn resolve(&self, context: &Context<'_>, name: &str, span: &Range<usize>) -> Option<&str> {
         let Some(parameter) = self.by_name.get(name) else {
-            let known: Vec<_> = self.by_name.keys().map(String::as_str).collect();
-            let remedy = if known.is_empty() {
-                format!("declare it: a table `[parameters]` with `{name} = \"...\"`")
-            } else {
-                format!("{}; parameters are declared in `[parameters]`", suggestion(name, &known))
-            };
-            context.error(span, format!("`${{{name}}}`: no parameter `{name}`"), remedy);
+            context.error_with(span, || {
+                (format!("`${{{name}}}`: no parameter `{name}`"), self.undeclared(name))
+            });
             return None;
         };
         let value = self.value(name);
@@ -126,6 +131,15 @@ impl Parameters {
             context.error(span, message, format!("give it on the command line: `--set {name}=FILE`"));
         }
         value
+    }
+
+    /// What to do about a name that is not declared.
+    fn undeclared(&self, name: &str) -> String {
+        if self.by_name.is_empty() {
+            return format!("declare it: a table `[parameters]` with `{name} = \"...\"`");
+        }
+        let known: Vec<_> = self.by_name.keys().map(String::as_str).collect();
+        format!("{}; parameters are declared in `[parameters]`", suggestion(name, &known))
     }
 
     /// Warns about parameters that nothing refers to.

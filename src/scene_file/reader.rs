@@ -5,15 +5,18 @@
 //! keys were asked for: what is left over when it is [finished](Table::finish) is unknown and refused.
 
 use super::description::{Location, SceneWarning};
-use super::diagnostic::{Diagnostic, SourceText, suggestion};
+use super::diagnostic::{Diagnostic, SceneFileError, SourceText, suggestion};
 use super::parameters::Parameters;
 use glam::DVec3;
 use std::borrow::Cow;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ops::{Range, RangeInclusive};
 use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+
+/// At most this many errors of a file are kept; the rest are counted. Texts may have millions.
+const KEPT: usize = 100;
 
 /// What reading one file shares: its text, its parameters, and what was found wrong.
 #[derive(Debug)]
@@ -23,6 +26,8 @@ pub(super) struct Context<'a> {
     pub(super) folder: PathBuf,
     pub(super) parameters: Parameters,
     diagnostics: RefCell<Vec<(usize, Diagnostic)>>,
+    /// Errors beyond those.
+    more: Cell<u64>,
     warnings: RefCell<Vec<SceneWarning>>,
 }
 
@@ -33,13 +38,24 @@ impl<'a> Context<'a> {
             folder,
             parameters: Parameters::default(),
             diagnostics: RefCell::default(),
+            more: Cell::default(),
             warnings: RefCell::default(),
         }
     }
 
     /// Records an error about the text in `span`.
     pub(super) fn error(&self, span: &Range<usize>, message: impl Into<String>, remedy: impl Into<String>) {
-        let diagnostic = self.source.diagnostic(span, message.into(), remedy.into());
+        self.error_with(span, || (message.into(), remedy.into()));
+    }
+
+    /// Records an error whose message and remedy take time to find, unless there are enough already.
+    pub(super) fn error_with(&self, span: &Range<usize>, what: impl FnOnce() -> (String, String)) {
+        if self.diagnostics.borrow().len() >= KEPT {
+            self.more.set(self.more.get() + 1);
+            return;
+        }
+        let (message, remedy) = what();
+        let diagnostic = self.source.diagnostic(span, message, remedy);
         self.diagnostics.borrow_mut().push((span.start, diagnostic));
     }
 
@@ -58,11 +74,31 @@ impl<'a> Context<'a> {
         self.source.location(span.start)
     }
 
-    /// Everything that was recorded: errors in the order of the file, and warnings.
-    pub(super) fn into_findings(self) -> (Vec<Diagnostic>, Vec<SceneWarning>) {
+    /// Everything that was recorded.
+    pub(super) fn into_findings(self) -> Findings {
         let mut diagnostics = self.diagnostics.into_inner();
         diagnostics.sort_by_key(|&(offset, _)| offset);
-        (diagnostics.into_iter().map(|(_, diagnostic)| diagnostic).collect(), self.warnings.into_inner())
+        Findings {
+            diagnostics: diagnostics.into_iter().map(|(_, diagnostic)| diagnostic).collect(),
+            more: self.more.get(),
+            warnings: self.warnings.into_inner(),
+        }
+    }
+}
+
+/// What was recorded while reading a file.
+#[derive(Debug)]
+pub(super) struct Findings {
+    /// Errors in the order of the file.
+    pub(super) diagnostics: Vec<Diagnostic>,
+    /// Number of errors beyond those.
+    pub(super) more: u64,
+    pub(super) warnings: Vec<SceneWarning>,
+}
+
+impl Findings {
+    pub(super) fn into_error(self) -> SceneFileError {
+        SceneFileError::Invalid { diagnostics: self.diagnostics, more: self.more }
     }
 }
 
@@ -165,7 +201,7 @@ impl<'a> Value<'a> {
     }
 
     /// Name and value of the parameter where the value is a string that consists of one `${name}` alone.
-    fn whole_parameter(&self) -> Option<(&'a str, &'a str)> {
+    pub(super) fn whole_parameter(&self) -> Option<(&'a str, &'a str)> {
         let DeValue::String(text) = self.value.get_ref() else { return None };
         let name = text.strip_prefix("${")?.strip_suffix('}')?;
         Some((name, self.context.parameters.value(name)?))
@@ -407,8 +443,10 @@ impl<'a> Table<'a> {
     pub(super) fn finish(self) {
         for (span, value) in self.sorted_entries() {
             if !self.known.contains(&value.name) {
-                let message = format!("unknown key `{}` in {}", value.name, self.title);
-                self.context.error(&span, message, suggestion(value.name, &self.known));
+                self.context.error_with(&span, || {
+                    let message = format!("unknown key `{}` in {}", value.name, self.title);
+                    (message, suggestion(value.name, &self.known))
+                });
             }
         }
     }

@@ -4,8 +4,8 @@ mod place;
 
 use self::place::{Placed, Source};
 use super::description::{
-    CameraDescription, EmissionDescription, LightDescription, Location, MaterialDescription, SceneDescription,
-    SceneWarning, ShapeDescription,
+    CameraDescription, EmissionDescription, LightDescription, Location, MaterialDescription,
+    SceneDescription, SceneWarning, ShapeDescription,
 };
 use super::ply::PlyError;
 use crate::bsdf::Dielectric;
@@ -40,7 +40,6 @@ pub struct BuildError {
     /// Which object.
     pub object: String,
     /// What is wrong with it.
-    #[source]
     pub problem: BuildProblem,
 }
 
@@ -309,7 +308,8 @@ impl<'a> Builder<'a> {
         let committed = Arc::new(builder.commit().map_err(|problem| error(problem.into()))?);
         let first = assembly.surfaces.len() as u32;
         assembly.surfaces.push(self.surface(index, placed.geometry, shape.value.flip_normal));
-        let placement = Placement::new(*total * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
+        let placement =
+            Placement::new(*total * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
         top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
         if self.is_caster(index) {
             let bounds = source.bounds(total);

@@ -108,7 +108,9 @@ impl Source {
     pub(super) fn needs_instance(&self, transform: &DAffine3) -> bool {
         match self {
             Self::Mesh(_) | Self::Quad { .. } => false,
-            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } => similarity(transform).is_none(),
+            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } => {
+                similarity(transform).is_none()
+            }
         }
     }
 
@@ -184,9 +186,7 @@ fn choose_normals(mesh: &mut TriangleMesh, normals: MeshNormals) {
 fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<Placed, BuildProblem> {
     let place = |vertex: DVec3| transform.transform_point3(vertex).as_vec3().to_array();
     let positions: Vec<[f32; 3]> = match &mesh.positions {
-        Positions::Single(p) => {
-            p.par_iter().map(|&p| place(Vec3::from_array(p).as_dvec3())).collect()
-        }
+        Positions::Single(p) => p.par_iter().map(|&p| place(Vec3::from_array(p).as_dvec3())).collect(),
         Positions::Double(p) => p.par_iter().map(|&p| place(DVec3::from_array(p))).collect(),
     };
     let mirrored = is_mirrored(transform);
@@ -194,9 +194,8 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
     if mirrored {
         triangles.par_iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
-    let corners = |triangle: &[u32; 3]| {
-        triangle.map(|vertex| Vec3::from_array(positions[vertex as usize]).as_dvec3())
-    };
+    let corners =
+        |triangle: &[u32; 3]| triangle.map(|vertex| Vec3::from_array(positions[vertex as usize]).as_dvec3());
     let mut emitter = Vec::new();
     if emits {
         // A light has one piece for each primitive, so triangles that lost their area to rounding have to go.
@@ -212,7 +211,9 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
     let center = bounds.center();
     let radius = triangles
         .par_iter()
-        .map(|triangle| corners(triangle).map(|corner| (corner - center).length()).into_iter().fold(0.0, f64::max))
+        .map(|triangle| {
+            corners(triangle).map(|corner| (corner - center).length()).into_iter().fold(0.0, f64::max)
+        })
         .reduce(|| 0.0, f64::max);
     let normal_matrix = transform.matrix3.inverse().transpose();
     let turn = |normal: &Vec3| {

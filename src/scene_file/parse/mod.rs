@@ -20,9 +20,9 @@ use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
 
-/// Longest scene text that is read. Spans and tables take about 30 times the text, and geometry of that size
-/// belongs in mesh files.
-pub const MAX_TEXT_BYTES: u64 = 32 << 20;
+/// Longest scene text that is read. A list of nothing but digits takes 90 times its text in memory, so this is less
+/// than a gigabyte; and geometry of that size belongs in mesh files.
+pub const MAX_TEXT_BYTES: u64 = 8 << 20;
 
 /// Names of units of length, and what they are in metres.
 const UNITS: &[(&str, f64)] =
@@ -87,20 +87,22 @@ pub fn parse_scene(
     let mut context = Context::new(source, folder);
     if !syntax_errors.is_empty() {
         report_syntax(&context, &syntax_errors);
-        return Err(SceneFileError::Invalid(context.into_findings().0));
+        return Err(context.into_findings().into_error());
     }
     if root.get_ref().is_empty() {
         let remedy = "a scene needs at least one `[[shapes]]`; docs/scene-format.md has a complete example";
         context.error_of_file("the scene file is empty", remedy);
-        return Err(SceneFileError::Invalid(context.into_findings().0));
+        return Err(context.into_findings().into_error());
     }
     context.parameters = read_parameters(&context, root.get_ref(), parameters);
     let scene = read_scene(&context, root.get_ref(), file);
     context.parameters.warn_unused(&context);
-    let (errors, warnings) = context.into_findings();
+    let findings = context.into_findings();
     match scene {
-        Some(scene) if errors.is_empty() => Ok(SceneDescription { warnings, ..scene }),
-        _ => Err(SceneFileError::Invalid(errors)),
+        Some(scene) if findings.diagnostics.is_empty() => {
+            Ok(SceneDescription { warnings: findings.warnings, ..scene })
+        }
+        _ => Err(findings.into_error()),
     }
 }
 

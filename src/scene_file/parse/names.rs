@@ -48,9 +48,11 @@ impl Names {
             entry.used.set(true);
             return Some(entry.index);
         }
-        let known: Vec<_> = self.by_name.keys().map(String::as_str).collect();
-        let message = format!("`{}`: no {} is named `{name}`", value.name(), self.kind);
-        value.context().error(&value.span(), message, suggestion(&name, &known));
+        value.context().error_with(&value.span(), || {
+            let known: Vec<_> = self.by_name.keys().map(String::as_str).collect();
+            let message = format!("`{}`: no {} is named `{name}`", value.name(), self.kind);
+            (message, suggestion(&name, &known))
+        });
         None
     }
 

@@ -89,9 +89,10 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         (None, _) => Some(materials.len()),
     };
     let is_round = matches!(kind, Kind::Sphere | Kind::Cylinder | Kind::Disc);
-    if is_round && transform.is_some_and(|transform| !is_similarity(&transform)) {
+    let emits = matches!(emission, Some(Some(_)));
+    if is_round && emits && transform.is_some_and(|transform| !is_similarity(&transform)) {
         table.refuse::<()>(
-            format!("{} is scaled unequally or sheared: round shapes must stay round", table.title()),
+            format!("{} emits and is scaled unequally: light sampling needs it round", table.title()),
             "use the same `scale` for all axes, or a mesh",
         );
     }
@@ -198,7 +199,12 @@ fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
     let shown = path.display();
     let context = value.context();
     if !path.exists() {
-        let remedy = "paths are relative to the scene file, those given by `--set` to the current directory";
+        const RELATIVE: &str =
+            "paths are relative to the scene file, those given by `--set` to the current directory";
+        let remedy = match value.whole_parameter() {
+            Some((name, _)) => format!("name another with `--set {name}=FILE`; {RELATIVE}"),
+            None => RELATIVE.to_string(),
+        };
         context.error(&value.span(), format!("there is no mesh file {shown}"), remedy);
         return None;
     }

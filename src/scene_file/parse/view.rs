@@ -137,8 +137,8 @@ const ESTIMATORS: &[(&str, Estimator)] =
 const SEARCH_REGIONS: &[(&str, SearchRegion)] =
     &[("sphere", SearchRegion::Sphere), ("disc", SearchRegion::Disc)];
 
-/// Filter constant of the cone where none is given (Jensen 1996).
-const DEFAULT_CONE: f32 = 1.1;
+/// Filter constant of the cone where none is given: as in the presets.
+const DEFAULT_CONE: f32 = 1.0;
 const KERNELS: &[(&str, Kernel)] = &[
     ("constant", Kernel::Constant),
     ("cone", Kernel::Cone { k: DEFAULT_CONE }),
@@ -163,13 +163,14 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let caustic_photons = table.optional("caustic-photons", photons);
     let global_nearest = table.optional("global-nearest", count(1, MANY));
     let caustic_nearest = table.optional("caustic-nearest", count(1, MANY));
-    let kernel = table.optional("kernel", read_kernel);
+    let kernel = read_kernel(&mut table);
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
-    let gather_samples = table.optional("gather-samples", count(0, MANY));
+    let gather_samples = table.optional("gather-samples", count(1, MANY));
+    let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
-    let light_samples = table.optional("light-samples", count(0, MANY));
-    let max_depth = table.optional("max-depth", count(0, MANY));
+    let light_samples = table.optional("light-samples", count(1, MANY));
+    let max_depth = table.optional("max-depth", count(1, MANY));
     table.finish();
     Some(Overrides {
         quality: quality?,
@@ -185,21 +186,30 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         estimator: estimator?,
         search: search?,
         gather_samples: gather_samples?,
+        visible_kernel: visible_kernel?,
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
         max_depth: max_depth?,
     })
 }
 
-/// A name, or `{ cone = 1.1 }` with the cone's filter constant.
-fn read_kernel(value: Value<'_>) -> Option<Kernel> {
-    if !value.is_table() {
-        return value.choice(KERNELS);
+/// `kernel` and, for the cone alone, `cone-k`; which by itself means the cone.
+fn read_kernel(table: &mut Table<'_>) -> Option<Option<Kernel>> {
+    let kernel = table.optional("kernel", |value| value.choice(KERNELS));
+    let k = table.get("cone-k");
+    let constant = k.map(|value| value.number(&CONE_CONSTANT));
+    match (kernel?, constant) {
+        (kernel, None) => Some(kernel),
+        (None | Some(Kernel::Cone { .. }), Some(constant)) => {
+            Some(Some(Kernel::Cone { k: constant? as f32 }))
+        }
+        (Some(_), Some(_)) => {
+            let span = k.map_or(table.span().clone(), |value| value.span());
+            let message = "`cone-k` belongs to the cone, and `kernel` is another";
+            table.context().error(&span, message, "leave `cone-k` out, or write `kernel = \"cone\"`");
+            None
+        }
     }
-    let mut table = value.table("`kernel`", "")?;
-    let k = table.required("cone", "1.1", |value| value.number(&CONE_CONSTANT));
-    table.finish();
-    k.map(|k| Kernel::Cone { k: k as f32 })
 }
 
 #[cfg(test)]

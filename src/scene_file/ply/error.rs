@@ -5,20 +5,34 @@ use std::path::{Path, PathBuf};
 
 /// Why a PLY file was refused, and where in it.
 #[derive(Debug, thiserror::Error)]
-#[error("{}{place}: {problem}", file.display())]
-pub struct PlyError {
-    /// The file.
-    pub file: PathBuf,
-    /// Where in the file.
-    pub place: PlyPlace,
-    /// What is wrong, and what to do about it.
-    #[source]
-    pub problem: PlyProblem,
+#[error("{}{}: {}", .0.file.display(), .0.place, .0.problem)]
+pub struct PlyError(Box<Details>);
+
+#[derive(Debug)]
+struct Details {
+    file: PathBuf,
+    place: PlyPlace,
+    problem: PlyProblem,
 }
 
 impl PlyError {
     pub(super) fn new(file: &Path, place: PlyPlace, problem: PlyProblem) -> Self {
-        Self { file: file.to_path_buf(), place, problem }
+        Self(Box::new(Details { file: file.to_path_buf(), place, problem }))
+    }
+
+    /// The file.
+    pub fn file(&self) -> &Path {
+        &self.0.file
+    }
+
+    /// Where in the file.
+    pub fn place(&self) -> &PlyPlace {
+        &self.0.place
+    }
+
+    /// What is wrong, and what to do about it.
+    pub fn problem(&self) -> &PlyProblem {
+        &self.0.problem
     }
 }
 
