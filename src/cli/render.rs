@@ -148,7 +148,7 @@ impl Outputs {
             "png" => Self { exr: None, png: output },
             _ => bail!("{}: the name of a picture ends in .exr or .png", output.display()),
         };
-        for file in [Some(&outputs.png), args.stats.as_ref()].into_iter().flatten() {
+        for file in [outputs.exr.as_ref(), Some(&outputs.png), args.stats.as_ref()].into_iter().flatten() {
             check_folder(file)?;
         }
         Ok(outputs)
