@@ -38,6 +38,7 @@ const NOTHING: Overrides = Overrides {
     gather_samples: None,
     precomputed_irradiance: None,
     light_samples: None,
+    visible_kernel: None,
     max_depth: None,
 };
 
