@@ -107,6 +107,8 @@ struct State {
     medium: MediumId,
     class: Class,
     drawn: Option<Drawn>,
+    /// Specular surfaces met since the last other one.
+    chain: u32,
 }
 
 impl PathTracer<'_> {
@@ -131,10 +133,9 @@ impl PathTracer<'_> {
             return false;
         };
         state.throughput *= sample.throughput;
-        if shading.bsdf.is_delta() {
-            let Some(weight) = chain_roulette(depth, || samples.next_1d()) else { return false };
-            state.throughput *= weight;
-        }
+        state.chain = if shading.bsdf.is_delta() { state.chain + 1 } else { 0 };
+        let Some(weight) = chain_roulette(state.chain, || samples.next_1d()) else { return false };
+        state.throughput *= weight;
         let brightest = state.throughput.max_element();
         if !(brightest > 0.0) {
             return false;
@@ -165,6 +166,7 @@ impl Integrator for PathTracer<'_> {
             medium: self.camera_medium,
             class: Class::Camera,
             drawn: None,
+            chain: 0,
         };
         for depth in 0..self.max_depth {
             counters.depth_sum += 1;
