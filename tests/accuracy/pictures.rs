@@ -200,13 +200,13 @@ fn parts_of_cornell_spheres() {
 #[test]
 fn parts_of_cornell_spheres_under_a_large_lamp() {
     let text = std::fs::read_to_string(scene_path("cornell-spheres")).unwrap();
-    let text = text
-        .replace("[308.0, 548.7000122070312, 249.5]", "[498.0, 548.7000122070312, 59.5]")
-        .replace("[308.0, 548.7000122070312, 309.5]", "[498.0, 548.7000122070312, 499.5]")
-        .replace("[248.0, 548.7000122070312, 309.5]", "[58.0, 548.7000122070312, 499.5]")
-        .replace("[248.0, 548.7000122070312, 249.5]", "[58.0, 548.7000122070312, 59.5]")
-        .replace("[64.45833333333333, 45.5, 15.166666666666666]", "[1.2, 0.85, 0.28]");
-    assert!(text.contains("[58.0, 548.7000122070312, 59.5]") && text.contains("[1.2, 0.85, 0.28]"));
+    let small =
+        "corner = [308.0, 548.7000122070312, 249.5]\nedge-u = [0.0, 0.0, 60.0]\nedge-v = [-60.0, 0.0, 0.0]";
+    let large =
+        "corner = [498.0, 548.7000122070312, 59.5]\nedge-u = [0.0, 0.0, 440.0]\nedge-v = [-440.0, 0.0, 0.0]";
+    let bright = "[64.45833333333333, 45.5, 15.166666666666666]";
+    assert!(text.contains(small) && text.contains(bright));
+    let text = text.replace(small, large).replace(bright, "[1.2, 0.85, 0.28]");
     let path = Overrides { spp: Some(128), ..path() };
     assert_same_parts("large lamp", &Stage::new(&text, (128, 128)), (&path, &for_parts()), 0.01);
 }
