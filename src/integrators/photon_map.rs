@@ -293,25 +293,14 @@ fn reflected(
         counters.feelers += FEELERS as u64;
         visible_domain(scene, query.position, query.normal, radius)
     };
-    let is_flat = shading.frame.z == shading.geometric;
-    if let (Bsdf::Lambert(lambert), true) = (shading.bsdf, is_flat) {
+    // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
+    if let Bsdf::Lambert(lambert) = shading.bsdf {
         let irradiance = map.estimate_irradiance_visible(query, params, photons, domain).value;
         return lambert.reflectance * irradiance * FRAC_1_PI;
     }
     let wo = shading.wo_local;
-    let f = |wi: Vec3| {
-        let local = shading.frame.to_local(wi);
-        shading.bsdf.eval(wo, local) * cosine_ratio(local.z, wi.dot(shading.geometric))
-    };
+    let f = |wi: Vec3| shading.bsdf.eval(wo, shading.frame.to_local(wi));
     map.estimate_radiance_visible(query, params, photons, domain, f).value
-}
-
-/// A photon's flux holds the cosine to the geometric normal; light that is reflected about a shading normal counts with
-/// the cosine to that one.
-fn cosine_ratio(shading: f32, geometric: f32) -> f32 {
-    /// Photons at grazing incidence are as rare as their ratio is large; a bound keeps single ones from showing.
-    const LARGEST: f32 = 10.0;
-    if shading == geometric { 1.0 } else { (shading.abs() / geometric.abs()).min(LARGEST) }
 }
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.

@@ -85,13 +85,20 @@ impl AreaLight {
         let sample = self.pieces[piece].sample_solid_angle(reference, u)?;
         let to_light = sample.position - reference;
         let normal = if self.flip_normal { -sample.normal } else { sample.normal };
-        let radiance = self.emitted(to_light.dot(normal) < 0.0);
+        let start = start_at(sample.position, normal, self.extent);
+        // On the light itself rounding would decide the side, and the back of a lamp be lit by its front: a flat one
+        // fills half of all directions there.
+        let height = -to_light.dot(normal);
+        let rounding = start.normal.abs().dot(from.abs()) * (2.0 * UNIT_ROUNDOFF);
+        if height.abs() <= f64::from(start.offset + rounding) {
+            return None;
+        }
+        let radiance = self.emitted(height > 0.0);
         if radiance == Rgb::ZERO {
             return None;
         }
         let pdf = sample.pdf_solid_angle * probability;
         let wi = unit_f64(to_light)?.as_vec3();
-        let start = start_at(sample.position, normal, self.extent);
         Some(LightSample {
             wi,
             radiance_over_pdf: radiance / pdf,

@@ -2,9 +2,9 @@
 
 use super::emission::{Aim, emit};
 use super::{Photon, PhotonClass};
-use crate::bsdf::{Lobe, TransportMode, shading_normal_correction};
+use crate::bsdf::{Lobe, TransportMode, shading_normal_correction, sides_agree};
 use crate::embree::RawHit;
-use crate::math::{Ray, Rgb};
+use crate::math::{Frame, Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::{Rng, Sobol, Stream, mix};
 use crate::scene::{MapKind, Scene, Shading, SurfaceInteraction};
@@ -332,8 +332,14 @@ impl Flight<'_> {
         if self.settings.kind == MapKind::Caustic && class != PhotonClass::Caustic {
             return;
         }
+        // Density on the surface has the cosine at the geometric normal in it; what is reflected has that at the shading
+        // normal.
+        let power = self.power * shading_share(hit);
+        if power == Rgb::ZERO {
+            return;
+        }
         let dither = self.rng.next_f32();
-        photons.push(Photon::new(hit.point.position, self.power, hit.wo, hit.facing_normal(), class, dither));
+        photons.push(Photon::new(hit.point.position, power, hit.wo, hit.facing_normal(), class, dither));
     }
 
     /// Draws the ray on which the photon goes on, and its new power; `false` where it ends here.
@@ -343,10 +349,15 @@ impl Flight<'_> {
         }
         let u_lobe = if shading.bsdf.is_delta() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
-        let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux) else {
+        let bent = hit.shading_normal != hit.point.normal;
+        // Diffuse lobes are sampled around the geometric normal, see below.
+        let frame =
+            if bent && !shading.bsdf.is_delta() { Frame::from_z(shading.geometric) } else { shading.frame };
+        let wo = frame.to_local(hit.wo);
+        let Some(sample) = shading.bsdf.sample(wo, u_lobe, u, TransportMode::Flux) else {
             return false;
         };
-        let direction = shading.frame.to_world(sample.wi);
+        let direction = frame.to_world(sample.wi);
         if sample.lobe == Lobe::Specular {
             tally.interfaces += 1;
             tally.medium_mismatches += u64::from(self.scene.is_medium_mismatch(hit, self.medium));
@@ -358,8 +369,18 @@ impl Flight<'_> {
             return false;
         };
         let mut power = self.power * sample.throughput;
-        if shading.frame.z != shading.geometric {
-            power *= shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric);
+        if bent {
+            power *= match sample.lobe {
+                Lobe::Specular => {
+                    shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric)
+                }
+                // The adjoint of what a camera path meets that arrives from `direction`: the cosine at the shading
+                // normal, or at the geometric one where the shading normal faces away from it.
+                Lobe::Diffuse if sides_agree(direction, hit.shading_normal, hit.point.normal) => {
+                    shading_share(hit)
+                }
+                Lobe::Diffuse => 1.0,
+            };
         }
         // Chromatic roulette: the brightest channel decides, so that photons keep their power and no channel of a
         // survivor grows beyond it.
@@ -377,5 +398,17 @@ impl Flight<'_> {
         self.medium = medium;
         self.ray = hit.spawn(direction);
         true
+    }
+}
+
+/// Cosine of incidence at the shading normal over that at the geometric one, for the light that arrives at `hit`: the
+/// share of the flux density on the surface that a diffuse lobe reflects, or more than one. Zero from below the shading
+/// normal's horizon (Veach 1997, section 5.3).
+fn shading_share(hit: &SurfaceInteraction) -> f32 {
+    let (shading, geometric) = (hit.wo.dot(hit.shading_normal), hit.wo.dot(hit.point.normal));
+    if hit.shading_normal == hit.point.normal || geometric == 0.0 {
+        1.0
+    } else {
+        (shading / geometric).max(0.0)
     }
 }

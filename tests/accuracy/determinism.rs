@@ -24,10 +24,14 @@ fn assert_same_bits(what: &str, a: &Shot, b: &Shot) {
 
 /// Every integrator, with settings that are quick and leave nothing out.
 fn integrators() -> [(&'static str, Overrides); 5] {
-    let maps =
-        Overrides { spp: Some(3), global_photons: Some(20_000), caustic_photons: Some(20_000), ..PHOTON_MAP };
+    let maps = Overrides {
+        spp: Some(3),
+        global_photons: Some(20_000),
+        caustic_photons: Some(20_000),
+        ..photon_map()
+    };
     [
-        ("path", Overrides { spp: Some(5), ..PATH }),
+        ("path", Overrides { spp: Some(5), ..path() }),
         ("photon map", maps.clone()),
         ("photon map, full estimates", Overrides { precomputed_irradiance: Some(false), ..maps.clone() }),
         ("global photons", Overrides { spp: Some(2), global_photons: Some(20_000), ..show(MapKind::Global) }),

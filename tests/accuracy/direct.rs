@@ -2,6 +2,7 @@
 
 use crate::support::*;
 use cardioid::render::Overrides;
+use cardioid::sampling::{Rng, Stream};
 use std::f64::consts::PI;
 
 /// A grey floor, and a camera that sees a spot of 2 mm around the origin of it from the side.
@@ -38,10 +39,10 @@ fn floor(light: &str) -> Stage {
 fn assert_irradiance(what: &str, light: &str, want: [f64; 3], tolerance: f64) {
     let stage = floor(light);
     for (name, settings) in [
-        ("path", Overrides { spp: Some(256), ..PATH }),
+        ("path", Overrides { spp: Some(256), ..path() }),
         (
             "photon map",
-            Overrides { spp: Some(64), gather_samples: Some(4), global_photons: Some(1000), ..PHOTON_MAP },
+            Overrides { spp: Some(64), gather_samples: Some(4), global_photons: Some(1000), ..photon_map() },
         ),
         (
             "photon map, many shadow rays",
@@ -50,7 +51,7 @@ fn assert_irradiance(what: &str, light: &str, want: [f64; 3], tolerance: f64) {
                 light_samples: Some(32),
                 gather_samples: Some(32),
                 global_photons: Some(1000),
-                ..PHOTON_MAP
+                ..photon_map()
             },
         ),
     ] {
@@ -90,7 +91,7 @@ fn two_sides() {
     let want = of_radiance(PI * 0.239_456_5);
     assert_irradiance("two-sided", &emitter(up, ", two-sided = true"), want, 0.002);
     assert_irradiance("flipped", &emitter(&format!("{up}\nflip-normal = true"), ""), want, 0.002);
-    let dark = floor(&emitter(up, "")).shoot(&Overrides { spp: Some(16), ..PATH });
+    let dark = floor(&emitter(up, "")).shoot(&Overrides { spp: Some(16), ..path() });
     assert_eq!(dark.mean("beauty"), [0.0; 3]);
     // What the camera sees of an emitter: its own side only, and both of a two-sided one.
     for (extra, front, back) in [("", 1.0, 0.0), (", two-sided = true", 1.0, 1.0)] {
@@ -100,7 +101,7 @@ fn two_sides() {
                  [materials.black]\ntype = \"lambert\"\nreflectance = 0.0\n{}",
                 emitter(up, extra)
             );
-            for settings in [PATH, PHOTON_MAP] {
+            for settings in [path(), photon_map()] {
                 let shot = Stage::new(&text, (4, 4)).shoot(&Overrides { spp: Some(4), ..settings });
                 let seen = shot.mean("emission");
                 assert_eq!(seen, of_radiance(want), "{extra} from {eye}");
@@ -148,7 +149,7 @@ fn one_sided_materials() {
         [(true, false, lit), (true, true, lit), (false, false, lit), (false, true, dark)]
     {
         let stage = scene(two_sided, flip);
-        for settings in [PATH, PHOTON_MAP] {
+        for settings in [path(), photon_map()] {
             let shot = stage.shoot(&Overrides { spp: Some(4), ..settings });
             let off = (0..3).map(|c| (shot.mean("beauty")[c] - want[c]).abs()).fold(0.0, f64::max);
             assert!(off < 1e-6, "two-sided {two_sided}, flipped {flip}: {:?}", shot.mean("beauty"));
@@ -156,7 +157,7 @@ fn one_sided_materials() {
     }
     // Photons that arrive at the absorbing back are not stored.
     let shot =
-        scene(false, true).shoot(&Overrides { spp: Some(1), global_photons: Some(1000), ..PHOTON_MAP });
+        scene(false, true).shoot(&Overrides { spp: Some(1), global_photons: Some(1000), ..photon_map() });
     assert_eq!(shot.statistics.maps[0].photons, 0);
     assert!(shot.warns("global map is empty"), "{:?}", shot.statistics.warnings);
 }
@@ -243,4 +244,70 @@ fn half_hidden() {
     let wall = "[[shapes]]\ntype = \"quad\"\ncorner = [0, 0.5, -2]\nedge-u = [0, 0, 4]\nedge-v = [-2, 0, 0]\n\
                 material = \"black\"\n";
     assert_irradiance("half hidden", &format!("{light}{wall}"), of_radiance(PI * 0.239_456_5 / 2.0), 0.005);
+}
+
+/// A lamp that reflects is not lit by its own front: its back is black, wherever rounding puts it.
+#[test]
+fn lamps_do_not_shine_through_themselves() {
+    let mut rng = Rng::new(3, Stream::Measure, 0);
+    for number in 0..16 {
+        let turn = [360.0 * rng.next_f64(), 360.0 * rng.next_f64()];
+        let place = [rng.next_f64(), rng.next_f64(), rng.next_f64()];
+        for shape in [
+            "type = \"quad\"\ncorner = [-0.4, 0, -0.4]\nedge-u = [0.8, 0, 0]\nedge-v = [0, 0, 0.8]",
+            "type = \"disc\"\nradius = 0.4\nnormal = [0, -1, 0]",
+            "type = \"mesh\"\nvertices = [[-0.4, 0, -0.4], [0.4, 0, -0.4], [0, 0, 0.8]]\nfaces = [[0, 1, 2]]",
+            // From inside.
+            "type = \"sphere\"\nradius = 2.0",
+            "type = \"cylinder\"\nbase = [0, -9, 0]\ntop = [0, 9, 0]\nradius = 2.0",
+        ] {
+            // Half of them along the axes, where rounding is the same everywhere on the lamp.
+            let turn = if number % 2 == 0 { [0.0; 2] } else { turn };
+            let text = format!(
+                r#"
+                [camera]
+                eye = [{x:?}, {y:?}, {z:?}]
+                at = [{a:?}, {b:?}, {c:?}]
+                up = [0.0, 0.0, 1.0]
+                fov = 60.0
+
+                [materials.paint]
+                type = "lambert"
+                reflectance = 0.8
+
+                [materials.black]
+                type = "lambert"
+                reflectance = 0.0
+
+                [[shapes]]
+                {shape}
+                material = "paint"
+                emission = {{ radiance = 1.0 }}
+                transform = [{{ rotate = {:?}, axis = "x" }}, {{ rotate = {:?}, axis = "z" }}, {{ translate = {place:?} }}]
+
+                [[shapes]]
+                name = "something else, so that the lamp is not in the middle"
+                type = "sphere"
+                center = [7.3, -3.1, 2.2]
+                radius = 0.1
+                material = "black"
+                "#,
+                turn[0],
+                turn[1],
+                // Above the lamp's back: the direction that the y axis turns to.
+                x = place[0] - (turn[1].to_radians().sin() * turn[0].to_radians().cos()),
+                y = place[1] + (turn[1].to_radians().cos() * turn[0].to_radians().cos()),
+                z = place[2] + turn[0].to_radians().sin(),
+                a = place[0],
+                b = place[1],
+                c = place[2],
+            );
+            let stage = Stage::new(&text, (8, 8));
+            for settings in [path(), photon_map()] {
+                let settings = Overrides { spp: Some(4), global_photons: Some(10), ..settings };
+                let seen = stage.shoot(&settings).mean("beauty");
+                assert_eq!(seen, [0.0; 3], "lamp {number}: {shape}");
+            }
+        }
+    }
 }

@@ -67,7 +67,7 @@ fn sphere_radiance(rho: [f64; 3], lost: f64) -> [f64; 3] {
 #[test]
 fn integrating_sphere_by_path_tracing() {
     for (light, lost) in [(POINT.to_owned(), 0.0), (ball(), 0.01)] {
-        let shot = integrating_sphere(RHO, &light).shoot(&Overrides { spp: Some(256), ..PATH });
+        let shot = integrating_sphere(RHO, &light).shoot(&Overrides { spp: Some(256), ..path() });
         assert_close("integrating sphere, path", shot.mean("beauty"), sphere_radiance(RHO, lost), 0.005);
         let direct = RHO.map(|rho| rho / PI * 100.0 / (16.0 * PI));
         assert_close("integrating sphere, path, direct", shot.mean("direct"), direct, 1e-3);
@@ -80,7 +80,7 @@ fn integrating_sphere_by_photon_maps() {
     for (light, lost) in [(POINT.to_owned(), 0.0), (ball(), 0.01)] {
         for (rho, photons) in RHO_OF_MAPS {
             let stage = integrating_sphere(rho, &light);
-            let settings = Overrides { spp: Some(16), global_photons: Some(photons), ..PHOTON_MAP };
+            let settings = Overrides { spp: Some(16), global_photons: Some(photons), ..photon_map() };
             let want = sphere_radiance(rho, lost);
             let shot = stage.shoot(&settings);
             assert_close("integrating sphere, photon map", shot.mean("beauty"), want, 0.01);
@@ -143,7 +143,7 @@ const CORNER: &str = "[0.8, 0.5, 0.9]";
 
 #[test]
 fn white_furnace_by_path_tracing() {
-    let shot = furnace(CORNER, RHO, "").shoot(&Overrides { spp: Some(256), ..PATH });
+    let shot = furnace(CORNER, RHO, "").shoot(&Overrides { spp: Some(256), ..path() });
     assert_close("furnace, path", shot.mean("beauty"), grey(1.0), 0.005);
     assert_close("furnace, path, emission", shot.mean("emission"), RHO.map(|rho| 1.0 - rho), 1e-6);
     assert_close("furnace, path, direct", shot.mean("direct"), RHO.map(|rho| rho * (1.0 - rho)), 0.005);
@@ -153,7 +153,7 @@ fn white_furnace_by_path_tracing() {
 fn white_furnace_by_photon_maps() {
     for (rho, photons) in RHO_OF_MAPS {
         let stage = furnace(CORNER, rho, "");
-        let settings = Overrides { spp: Some(32), global_photons: Some(photons), ..PHOTON_MAP };
+        let settings = Overrides { spp: Some(32), global_photons: Some(photons), ..photon_map() };
         let shot = stage.shoot(&settings);
         assert_close("furnace, photon map", shot.mean("beauty"), grey(1.0), 0.01);
         assert_close(
@@ -201,13 +201,13 @@ const BALLS: &str = r#"
 fn glass_and_mirrors_are_invisible_in_a_furnace() {
     let rho = [0.3, 0.5, 0.7];
     let stage = furnace(CORNER, rho, BALLS);
-    let path = stage.shoot(&Overrides { spp: Some(512), ..PATH });
+    let path = stage.shoot(&Overrides { spp: Some(512), ..path() });
     assert_close("glass in a furnace, path", path.mean("beauty"), grey(1.0), 0.005);
     let settings = Overrides {
         spp: Some(64),
         global_photons: Some(500_000),
         caustic_photons: Some(500_000),
-        ..PHOTON_MAP
+        ..photon_map()
     };
     let shot = stage.shoot(&settings);
     assert_close("glass in a furnace, photon map", shot.mean("beauty"), grey(1.0), 0.01);
@@ -235,13 +235,13 @@ fn a_camera_inside_glass_sees_the_square_of_its_index() {
     "#;
     // Away from the centre, so that some rays are totally reflected.
     let stage = furnace("[0.5, 0.1, 0.3]", [0.3, 0.5, 0.7], ball);
-    let path = stage.shoot(&Overrides { spp: Some(256), ..PATH });
+    let path = stage.shoot(&Overrides { spp: Some(256), ..path() });
     assert_close("inside glass, path", path.mean("beauty"), grey(2.25), 0.005);
     let settings = Overrides {
         spp: Some(64),
         global_photons: Some(300_000),
         caustic_photons: Some(300_000),
-        ..PHOTON_MAP
+        ..photon_map()
     };
     let maps = stage.shoot(&settings);
     assert_close("inside glass, photon map", maps.mean("beauty"), grey(2.25), 0.01);
@@ -268,13 +268,13 @@ fn matched_indices_are_not_there() {
             "#
         );
         let stage = furnace(CORNER, [0.3, 0.5, 0.7], &ball);
-        let path = stage.shoot(&Overrides { spp: Some(64), ..PATH });
+        let path = stage.shoot(&Overrides { spp: Some(64), ..path() });
         assert_close(&format!("ior {ior}, path"), path.mean("beauty"), grey(1.0), 0.01);
         let settings = Overrides {
             spp: Some(8),
             global_photons: Some(100_000),
             caustic_photons: Some(100_000),
-            ..PHOTON_MAP
+            ..photon_map()
         };
         let maps = stage.shoot(&settings);
         assert_close(&format!("ior {ior}, photon map"), maps.mean("beauty"), grey(1.0), 0.015);
@@ -315,12 +315,12 @@ fn shell(liquid_outside: &str) -> String {
 
 #[test]
 fn nested_interfaces() {
-    let path = Overrides { spp: Some(128), ..PATH };
+    let path = Overrides { spp: Some(128), ..path() };
     let maps = Overrides {
         spp: Some(16),
         global_photons: Some(150_000),
         caustic_photons: Some(150_000),
-        ..PHOTON_MAP
+        ..photon_map()
     };
     let rho = [0.3, 0.5, 0.7];
     let right = furnace(CORNER, rho, &shell("glass"));

@@ -63,8 +63,8 @@ fn quick(integrator: &Overrides) -> Overrides {
 
 fn all() -> [(&'static str, Overrides); 4] {
     [
-        ("path", quick(&PATH)),
-        ("photon map", quick(&PHOTON_MAP)),
+        ("path", quick(&path())),
+        ("photon map", quick(&photon_map())),
         ("global photons", quick(&show(MapKind::Global))),
         ("caustic photons", quick(&show(MapKind::Caustic))),
     ]
@@ -119,7 +119,7 @@ fn reflectance_up_to_one() {
 #[test]
 fn few_photons_and_none() {
     let stage = room("0.7", "1.0");
-    let path = stage.shoot(&Overrides { spp: Some(16), ..PATH }).mean("direct");
+    let path = stage.shoot(&Overrides { spp: Some(16), ..path() }).mean("direct");
     for photons in [0, 1, 2, 10, 1000] {
         for nearest in [1, 2, 80, 100_000] {
             for (name, settings) in all() {
@@ -144,7 +144,7 @@ fn few_photons_and_none() {
         }
     }
     for kernel in [Kernel::Constant, Kernel::Cone { k: 1000.0 }, Kernel::Epanechnikov, Kernel::Gaussian] {
-        let settings = Overrides { kernel: Some(kernel), caustic_nearest: Some(1), ..quick(&PHOTON_MAP) };
+        let settings = Overrides { kernel: Some(kernel), caustic_nearest: Some(1), ..quick(&photon_map()) };
         stage.shoot(&settings);
     }
 }

@@ -398,6 +398,6 @@ fn dark_lights_emit_nothing() {
     let scene: &Scene = stage.scene();
     assert_eq!(scene.lights().len(), 2);
     let nothing = room("0.5", dark);
-    let shot = nothing.shoot(&Overrides { spp: Some(2), global_photons: Some(1000), ..PHOTON_MAP });
+    let shot = nothing.shoot(&Overrides { spp: Some(2), global_photons: Some(1000), ..photon_map() });
     assert_eq!(shot.mean("beauty"), [0.0; 3]);
 }

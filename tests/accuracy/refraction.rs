@@ -82,8 +82,8 @@ fn slab_scene(ior: f64, absorption: [f64; 3], angle: f64) -> Stage {
 /// What is seen through a slab, by path tracing (one way drawn at each face) and by recursion (both followed).
 #[track_caller]
 fn assert_transmittance(what: &str, stage: &Stage, want: [f64; 3]) {
-    let path = stage.shoot(&Overrides { spp: Some(256), ..PATH });
-    let maps = stage.shoot(&Overrides { spp: Some(16), caustic_photons: Some(0), ..PHOTON_MAP });
+    let path = stage.shoot(&Overrides { spp: Some(256), ..path() });
+    let maps = stage.shoot(&Overrides { spp: Some(16), caustic_photons: Some(0), ..photon_map() });
     for (name, shot) in [("path", path), ("recursion", maps)] {
         let (seen, error) = (shot.mean("specular"), shot.standard_error("specular"));
         println!("{what}, {name}: {seen:.5?} +- {:.5}, want {want:.5?}", error[0]);
@@ -197,7 +197,7 @@ fn photons_through_a_slab() {
             spp: Some(4),
             caustic_photons: Some(1_000_000),
             global_photons: Some(1000),
-            ..PHOTON_MAP
+            ..photon_map()
         };
         let shot = stage.shoot(&settings);
         assert_close(&format!("photon map at {angle}"), shot.mean("caustics"), radiance, 0.01);
@@ -247,8 +247,8 @@ fn a_lamp_in_fogless_murk() {
     let seen = 3.25f64.sqrt();
     let want = [0.1f64, 0.5, 2.0].map(|sigma| 0.5 / PI * 0.8 * (-sigma * (1.0 + seen)).exp());
     for settings in [
-        Overrides { spp: Some(16), ..PATH },
-        Overrides { spp: Some(4), global_photons: Some(1000), caustic_photons: Some(1000), ..PHOTON_MAP },
+        Overrides { spp: Some(16), ..path() },
+        Overrides { spp: Some(4), global_photons: Some(1000), caustic_photons: Some(1000), ..photon_map() },
     ] {
         let shot = stage.shoot(&settings);
         assert_close("murk", shot.mean("direct"), want, 1e-3);
@@ -337,13 +337,13 @@ fn the_floor_of_a_pool() {
         r + (1.0 - r) / (N * N) * rho * irradiance / PI
     });
     let stage = pool();
-    let path = stage.shoot(&Overrides { spp: Some(1024), ..PATH });
+    let path = stage.shoot(&Overrides { spp: Some(1024), ..path() });
     assert_close("pool, path", path.mean("beauty"), want, 0.005);
     let settings = Overrides {
         spp: Some(64),
         global_photons: Some(300_000),
         caustic_photons: Some(500_000),
-        ..PHOTON_MAP
+        ..photon_map()
     };
     let maps = stage.shoot(&settings);
     assert_close("pool, photon map", maps.mean("beauty"), want, 0.01);

@@ -395,7 +395,7 @@ fn degenerate_and_nan_faces() {
     println!("{warnings}");
     assert!(warnings.contains("broken"), "{warnings}");
     assert!(warnings.contains('2') && warnings.contains('4'), "how many of each kind: {warnings}");
-    for settings in [PATH, PHOTON_MAP] {
+    for settings in [path(), photon_map()] {
         let shot = stage.shoot(&Overrides { spp: Some(4), global_photons: Some(1000), ..settings });
         // The two sound faces fill the picture, without a hole.
         let least = shot.layer("direct").iter().copied().fold(f32::INFINITY, f32::min);

@@ -10,37 +10,23 @@ use cardioid::scene_file::{BuiltScene, SceneDescription, build_scene, load_scene
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
-pub(crate) const PHOTON_MAP: Overrides = with_integrator(IntegratorKind::PhotonMap);
-pub(crate) const PATH: Overrides = with_integrator(IntegratorKind::Path);
-pub(crate) const SHOW_PHOTONS: Overrides = with_integrator(IntegratorKind::Photons);
+/// Photon maps and final gathering.
+pub(crate) fn photon_map() -> Overrides {
+    Overrides { integrator: Some(IntegratorKind::PhotonMap), ..Overrides::default() }
+}
+
+/// Path tracing.
+pub(crate) fn path() -> Overrides {
+    Overrides { integrator: Some(IntegratorKind::Path), ..Overrides::default() }
+}
+
+/// One map, shown directly.
+pub(crate) fn show(map: MapKind) -> Overrides {
+    Overrides { integrator: Some(IntegratorKind::Photons), map: Some(map), ..Overrides::default() }
+}
 
 /// The five parts, in the order of the film.
 pub(crate) const PARTS: [&str; 5] = ["emission", "direct", "specular", "caustics", "indirect"];
-
-const fn with_integrator(integrator: IntegratorKind) -> Overrides {
-    Overrides { integrator: Some(integrator), ..NOTHING }
-}
-
-/// `Overrides::default()`, as a constant.
-const NOTHING: Overrides = Overrides {
-    quality: None,
-    integrator: None,
-    map: None,
-    seed: None,
-    spp: None,
-    global_photons: None,
-    caustic_photons: None,
-    global_nearest: None,
-    caustic_nearest: None,
-    kernel: None,
-    estimator: None,
-    search: None,
-    gather_samples: None,
-    precomputed_irradiance: None,
-    light_samples: None,
-    visible_kernel: None,
-    max_depth: None,
-};
 
 /// One for all tests: Embree's threads are few.
 pub(crate) fn device() -> &'static Arc<Device> {
@@ -194,9 +180,4 @@ pub(crate) fn assert_close(what: &str, value: [f64; 3], want: [f64; 3], toleranc
 
 pub(crate) fn grey(x: f64) -> [f64; 3] {
     [x; 3]
-}
-
-/// Overrides that show one map.
-pub(crate) fn show(map: MapKind) -> Overrides {
-    Overrides { map: Some(map), ..SHOW_PHOTONS }
 }
