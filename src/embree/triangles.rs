@@ -1,3 +1,4 @@
+use glam::{Vec3A, Vec4};
 use std::sync::Arc;
 
 /// Why a triangle buffer was refused.
@@ -66,6 +67,18 @@ impl TriangleBuffers {
         [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
+    /// [`Self::corners`] in registers: one load each, as no position is the last of the buffer.
+    #[inline]
+    pub fn corners_in_registers(&self, index: u32) -> [Vec3A; 3] {
+        let coordinates = self.positions.as_flattened();
+        let load = |vertex: u32| {
+            let first = 3 * vertex as usize;
+            Vec3A::from_vec4(Vec4::from_slice(&coordinates[first..first + 4]))
+        };
+        let [a, b, c] = self.triangles[index as usize];
+        [load(a), load(b), load(c)]
+    }
+
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(self.positions.as_slice()) + size_of_val(self.triangles.as_slice())
@@ -83,5 +96,16 @@ mod tests {
         // The padding is no vertex.
         let buffers = TriangleBuffers::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap();
         assert_eq!(buffers.positions().len(), 3);
+    }
+
+    #[test]
+    fn corners_in_registers_are_the_corners() {
+        let positions: Vec<_> =
+            (0u8..5).map(|i| [f32::from(i), f32::from(i) + 0.25, -f32::from(i)]).collect();
+        let buffers = TriangleBuffers::new(positions, vec![[0, 1, 2], [4, 3, 0]]).unwrap();
+        for triangle in 0..2 {
+            let in_registers = buffers.corners_in_registers(triangle).map(|v| v.to_array());
+            assert_eq!(in_registers, buffers.corners(triangle));
+        }
     }
 }
