@@ -27,7 +27,7 @@ pub(crate) struct SceneArgs {
     pub(crate) resolution: Option<(u32, u32)>,
 
     /// Threads; 0 means one for each core. The picture does not depend on it.
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = threads)]
     pub(crate) threads: usize,
 }
 
@@ -35,6 +35,16 @@ fn name_and_value(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.is_empty() => Ok((name.to_owned(), value.to_owned())),
         _ => Err("write NAME=VALUE, for example --set mesh=bunny.ply".to_owned()),
+    }
+}
+
+/// More threads than any machine has cores only slow it down, and thousands bring it to a halt.
+const MOST_THREADS: usize = 1024;
+
+fn threads(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(threads) if threads <= MOST_THREADS => Ok(threads),
+        _ => Err(format!("write a number of threads up to {MOST_THREADS}, or 0 for one for each core")),
     }
 }
 

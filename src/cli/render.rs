@@ -35,7 +35,7 @@ pub(crate) struct RenderArgs {
     exposure: Option<f64>,
 
     /// Tone curve of the PNG.
-    #[arg(long, value_enum, default_value_t = CurveArg::Neutral)]
+    #[arg(long, value_enum, default_value_t = CurveArg::None)]
     tone: CurveArg,
 
     /// Leave out albedo, normal, depth and ids from the EXR.
@@ -56,7 +56,7 @@ pub(crate) struct RenderArgs {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum CurveArg {
-    /// Clamp at white.
+    /// Exactly what was computed, clamped at white (the default).
     None,
     /// Bend bright colours towards white (Khronos PBR Neutral).
     Neutral,
@@ -148,7 +148,7 @@ impl Outputs {
             "png" => Self { exr: None, png: output },
             _ => bail!("{}: the name of a picture ends in .exr or .png", output.display()),
         };
-        for file in [Some(&outputs.png), args.stats.as_ref()].into_iter().flatten() {
+        for file in [outputs.exr.as_ref(), Some(&outputs.png), args.stats.as_ref()].into_iter().flatten() {
             check_folder(file)?;
         }
         Ok(outputs)

@@ -7,9 +7,10 @@ use super::stats::{Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
 use crate::integrators::{Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShowPhotons};
+use crate::math::Rgb;
 use crate::sampling::SampleStream;
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
-use glam::Vec2;
+use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 use std::time::Instant;
 
@@ -228,7 +229,7 @@ impl PixelPass<'_> {
         let (width, height) = (self.request.width, self.request.height);
         let size = Vec2::new(width as f32, height as f32);
         // Back from render space; a power of two, so nothing is rounded.
-        let scale = (1.0 / self.scene.space().power) as f32;
+        let scale = 1.0 / self.scene.space().power;
         for (x, y) in tile.rect().pixels() {
             let pixel = u64::from(y) * u64::from(width) + u64::from(x);
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
@@ -238,10 +239,33 @@ impl PixelPass<'_> {
                 let ray = self.camera.ray((center + filtered.offset) / size);
                 let mut sample = self.integrator.li(ray, &mut samples, scratch);
                 for aov in AOVS {
-                    sample.radiance[aov as usize] *= scale;
+                    sample.radiance[aov as usize] = to_world(sample.radiance[aov as usize], scale);
                 }
                 tile.add(x, y, filtered.weight, &sample);
             }
         }
+    }
+}
+
+/// `radiance` times `scale`, at most the largest `f32`, which the film counts as clamped. What is not finite stays so.
+fn to_world(radiance: Rgb, scale: f64) -> Rgb {
+    if !radiance.is_finite() {
+        return radiance;
+    }
+    (radiance.as_dvec3() * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn radiance_beyond_single_precision_is_cut_and_nothing_else_changed() {
+        let one = Rgb::new(1.0, 0.3, 0.0);
+        assert_eq!(to_world(one, 2f64.powi(40)), one * 2f32.powi(40));
+        assert_eq!(to_world(one, 2f64.powi(200)), Rgb::new(f32::MAX, f32::MAX, 0.0));
+        assert_eq!(to_world(one, 2f64.powi(-300)), Rgb::ZERO);
+        assert!(to_world(Rgb::new(f32::NAN, 1.0, 1.0), 1.0).x.is_nan());
+        assert_eq!(to_world(Rgb::new(f32::INFINITY, 1.0, 1.0), 1.0).x, f32::INFINITY);
     }
 }

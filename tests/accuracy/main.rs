@@ -8,9 +8,9 @@
 mod determinism;
 mod direct;
 mod enclosures;
-
+mod extremes;
 mod photon_pass;
 mod pictures;
 mod refraction;
-
+mod robust_rays;
 mod support;

@@ -53,90 +53,199 @@ fn moderate() -> Overrides {
     Overrides { quality: Some(Quality::Final), spp: Some(16), caustic_photons: Some(2_000_000), ..PHOTON_MAP }
 }
 
+// What is asked for is 0.003, 0.008 and 0.06; what is found is several times better, and the bounds hold it there.
+
 #[test]
 fn photon_map_of_cornell_diffuse() {
-    assert_photon_map("cornell-diffuse", &moderate(), 0.003);
+    assert_photon_map("cornell-diffuse", &moderate(), 0.0015);
 }
 
 #[test]
 fn photon_map_of_cornell_spheres() {
-    assert_photon_map("cornell-spheres", &moderate(), 0.008);
+    assert_photon_map("cornell-spheres", &moderate(), 0.003);
 }
 
 #[test]
 fn photon_map_of_cardioid() {
-    assert_photon_map("cardioid", &moderate(), 0.06);
+    assert_photon_map("cardioid", &moderate(), 0.006);
 }
 
-/// Error of the path tracer: nothing but noise, so four times the samples leave a quarter of it.
-#[track_caller]
-fn assert_path(scene: &str, spp: u32, error: impl Fn(&ErrorFigures) -> f64, band: (f64, f64)) {
-    let stage = Stage::load(scene, (256, 256));
-    let few =
-        compare(scene, &format!("path, {spp} spp"), &stage.shoot(&Overrides { spp: Some(spp), ..PATH }));
-    let shot = stage.shoot(&Overrides { spp: Some(4 * spp), seed: Some(1), ..PATH });
-    let many = compare(scene, &format!("path, {} spp", 4 * spp), &shot);
-    let ratio = error(&few) / error(&many);
-    println!("{scene}: ratio of errors {ratio:.3}");
-    assert!((band.0..band.1).contains(&ratio), "{scene}: error falls by {ratio}");
-    assert!(many.bias.abs() <= 0.5, "{scene}: bias {} %", many.bias);
-}
-
-#[test]
-fn path_tracing_of_cornell_diffuse() {
-    assert_path("cornell-diffuse", 4, |figures| figures.relmse_u.unwrap(), (3.4, 4.6));
-}
-
-#[test]
-fn path_tracing_of_cornell_spheres() {
-    assert_path("cornell-spheres", 8, |figures| figures.relmse_u.unwrap(), (3.0, 5.3));
-}
-
-/// Each of the five parts of the picture has the same mean in both modes.
-#[track_caller]
-fn assert_same_parts(scene: &str, path: &Overrides, maps: &Overrides, tolerance: f64) {
-    let stage = Stage::load(scene, (128, 128));
-    let (path, maps) = (stage.shoot(path), stage.shoot(maps));
-    println!(
-        "{scene}: path {:.1} s, photon map {:.1} s",
-        path.statistics.times.pixels,
-        maps.statistics.times.photons + maps.statistics.times.pixels
-    );
-    let mut off = Vec::new();
-    for part in PARTS.into_iter().chain(["beauty"]) {
-        let (a, b) = (luminance(path.mean(part)), luminance(maps.mean(part)));
-        if a == 0.0 && b == 0.0 {
-            continue;
-        }
-        println!("{scene}, {part}: path {a:.6}, photon map {b:.6}, off by {:+.3} %", 100.0 * (b / a - 1.0));
-        println!("    {:?} {:?}", path.mean(part), maps.mean(part));
-        if (b / a - 1.0).abs() > tolerance {
-            off.push(part);
-        }
-    }
-    assert!(off.is_empty(), "{scene}: {off:?} are off");
-}
-
+/// Luminance of the mean of a layer.
 fn luminance(rgb: [f64; 3]) -> f64 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
 }
 
+/// Nothing but noise: four times the samples leave a quarter of the error, or less, since low-discrepancy points do
+/// better than random ones where the picture is smooth.
 #[test]
-fn parts_of_cornell_diffuse() {
-    assert_same_parts(
-        "cornell-diffuse",
-        &Overrides { spp: Some(256), ..PATH },
-        &Overrides { spp: Some(64), ..moderate() },
-        0.01,
+fn error_of_path_tracing_falls_with_samples() {
+    let stage = Stage::load("cornell-diffuse", (256, 256));
+    let error = |spp, seed| {
+        let shot = stage.shoot(&Overrides { spp: Some(spp), seed: Some(seed), ..PATH });
+        let figures = compare("cornell-diffuse", &format!("path, {spp} spp"), &shot);
+        assert!(figures.bias.abs() <= 0.5, "bias {} %", figures.bias);
+        figures.relmse_u.unwrap()
+    };
+    let ratio = error(8, 0) / error(32, 1);
+    println!("cornell-diffuse: ratio of errors {ratio:.3}");
+    assert!((3.7..5.5).contains(&ratio), "error falls by {ratio}");
+}
+
+/// Where caustics make fireflies the error of a picture is that of a few pixels: the variance over seeds of the mean of
+/// the whole picture says more, and its mean agrees with the reference.
+#[test]
+fn path_tracing_of_cornell_spheres() {
+    let want = luminance(reference_mean("cornell-spheres"));
+    let stage = Stage::load("cornell-spheres", (128, 128));
+    let means: Vec<f64> = (0..8)
+        .map(|seed| {
+            luminance(stage.shoot(&Overrides { spp: Some(64), seed: Some(seed), ..PATH }).mean("beauty"))
+        })
+        .collect();
+    let mean = means.iter().sum::<f64>() / 8.0;
+    let error = (means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / 56.0).sqrt();
+    println!(
+        "cornell-spheres, path: off by {:+.4} % +- {:.4} %",
+        100.0 * (mean / want - 1.0),
+        100.0 * error / want
     );
+    assert!(error < 0.0015 * want, "{error}");
+    assert!((mean / want - 1.0).abs() < 0.005, "{mean}, not {want}");
+}
+
+fn reference_mean(scene: &str) -> [f64; 3] {
+    let reference = reference(scene);
+    let values = reference.picture().values();
+    let pixels = (values.len() / 3) as f64;
+    std::array::from_fn(|c| values.iter().skip(c).step_by(3).map(|&v| f64::from(v)).sum::<f64>() / pixels)
+}
+
+/// Means of the parts and the picture over `runs` seeds, as luminance, with their standard errors.
+fn parts(stage: &Stage, settings: &Overrides, runs: u64) -> Vec<(&'static str, f64, f64)> {
+    let shots: Vec<Shot> =
+        (0..runs).map(|seed| stage.shoot(&Overrides { seed: Some(seed), ..settings.clone() })).collect();
+    let n = runs as f64;
+    PARTS
+        .into_iter()
+        .chain(["beauty"])
+        .map(|part| {
+            let means: Vec<f64> = shots.iter().map(|shot| luminance(shot.mean(part))).collect();
+            let mean = means.iter().sum::<f64>() / n;
+            let squares: f64 = means.iter().map(|m| (m - mean).powi(2)).sum();
+            (part, mean, (squares / (n * (n - 1.0))).sqrt())
+        })
+        .collect()
+}
+
+/// Each of the five parts of the picture has the same mean in both modes, within 1 % and what noise explains of the
+/// rest; `certain` is the noise above which that would say nothing.
+#[track_caller]
+fn assert_same_parts(what: &str, stage: &Stage, (path, maps): (&Overrides, &Overrides), certain: f64) {
+    let runs = 4;
+    let mut off_parts = Vec::new();
+    for ((part, a, a_error), (_, b, b_error)) in
+        parts(stage, path, runs).into_iter().zip(parts(stage, maps, runs))
+    {
+        if a == 0.0 && b == 0.0 {
+            continue;
+        }
+        let (off, noise) = (b / a - 1.0, a_error.hypot(b_error) / a);
+        println!(
+            "{what}, {part}: path {a:.6}, photon map {b:.6}, off by {:+.3} % +- {:.3} %",
+            100.0 * off,
+            100.0 * noise
+        );
+        assert!(noise < certain, "{what}, {part}: noise of {noise}");
+        if off.abs() > 0.01 + 2.0 * noise {
+            off_parts.push(part);
+        }
+    }
+    assert!(off_parts.is_empty(), "{what}: {off_parts:?} are off");
+}
+
+/// With a quarter of the samples, since four runs are made.
+fn for_parts() -> Overrides {
+    Overrides { caustic_photons: Some(500_000), ..moderate() }
 }
 
 #[test]
+fn parts_of_cornell_diffuse() {
+    let path = Overrides { spp: Some(64), ..PATH };
+    assert_same_parts(
+        "cornell-diffuse",
+        &Stage::load("cornell-diffuse", (128, 128)),
+        (&path, &for_parts()),
+        0.003,
+    );
+}
+
+/// By path tracing the caustics of this small lamp are known within 2 %.
+#[test]
 fn parts_of_cornell_spheres() {
+    let path = Overrides { spp: Some(128), ..PATH };
     assert_same_parts(
         "cornell-spheres",
-        &Overrides { spp: Some(512), ..PATH },
-        &Overrides { spp: Some(64), ..moderate() },
-        0.01,
+        &Stage::load("cornell-spheres", (128, 128)),
+        (&path, &for_parts()),
+        0.04,
     );
+}
+
+/// With nine times the area and a ninth of the radiance of its lamp, which a path finds nine times as often.
+#[test]
+fn parts_of_cornell_spheres_under_a_large_lamp() {
+    let text = std::fs::read_to_string(scene_path("cornell-spheres")).unwrap();
+    let text = text
+        .replace("[308.0, 548.7000122070312, 249.5]", "[368.0, 548.7000122070312, 189.5]")
+        .replace("[308.0, 548.7000122070312, 309.5]", "[368.0, 548.7000122070312, 369.5]")
+        .replace("[248.0, 548.7000122070312, 309.5]", "[188.0, 548.7000122070312, 369.5]")
+        .replace("[248.0, 548.7000122070312, 249.5]", "[188.0, 548.7000122070312, 189.5]")
+        .replace("[64.45833333333333, 45.5, 15.166666666666666]", "[7.0, 5.0, 2.0]");
+    assert!(text.contains("[188.0, 548.7000122070312, 189.5]") && text.contains("[7.0, 5.0, 2.0]"));
+    let path = Overrides { spp: Some(128), ..PATH };
+    assert_same_parts("large lamp", &Stage::new(&text, (128, 128)), (&path, &for_parts()), 0.01);
+}
+
+/// Shading normals far from the geometric ones: photons take the adjoint factor, so that both modes agree.
+#[test]
+fn parts_with_shading_normals() {
+    let text = r#"
+        [camera]
+        eye = [0.0, 0.3, 0.95]
+        at = [0.0, -0.3, 0.0]
+        fov = 60.0
+
+        [materials.paint]
+        type = "lambert"
+        reflectance = 0.6
+
+        [materials.glass]
+        type = "dielectric"
+        ior = 1.3
+
+        [[shapes]]
+        type = "mesh"
+        vertices = [[-1,-1,-1], [1,-1,-1], [1,1,-1], [-1,1,-1], [-1,-1,1], [1,-1,1], [1,1,1], [-1,1,1]]
+        faces = [[0,1,2,3], [4,7,6,5], [0,4,5,1], [3,2,6,7], [0,3,7,4], [1,5,6,2]]
+        material = "paint"
+
+        [[shapes]]
+        name = "an octahedron that would like to be a ball"
+        type = "mesh"
+        vertices = [[1,0,0], [-1,0,0], [0,1,0], [0,-1,0], [0,0,1], [0,0,-1]]
+        faces = [[0,2,4], [2,1,4], [1,3,4], [3,0,4], [2,0,5], [1,2,5], [3,1,5], [0,3,5]]
+        normals = "smooth"
+        material = "paint"
+        transform = [{ scale = 0.5 }, { translate = [-0.3, -0.4, 0.0] }]
+
+        [[shapes]]
+        type = "quad"
+        corner = [-0.4, 0.95, -0.4]
+        edge-u = [0.8, 0, 0]
+        edge-v = [0, 0, 0.8]
+        material = "paint"
+        emission = { radiance = 2.0 }
+    "#;
+    let path = Overrides { spp: Some(128), ..PATH };
+    assert_same_parts("smooth octahedron", &Stage::new(text, (96, 96)), (&path, &for_parts()), 0.01);
 }

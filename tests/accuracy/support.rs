@@ -38,6 +38,7 @@ const NOTHING: Overrides = Overrides {
     gather_samples: None,
     precomputed_irradiance: None,
     light_samples: None,
+    visible_kernel: None,
     max_depth: None,
 };
 
@@ -160,6 +161,7 @@ impl Shot {
         let parts = PARTS.map(|name| self.layer(name));
         for (i, &beauty) in self.layer("beauty").iter().enumerate() {
             let sum: f64 = parts.iter().map(|part| f64::from(part[i])).sum();
+            let sum = sum.min(f64::from(f32::MAX));
             assert_eq!(beauty.to_bits(), (sum as f32).to_bits(), "value {i}: {beauty} is not the sum {sum}");
         }
         let mut names: Vec<_> = self.developed.layers.iter().map(|layer| layer.name).collect();

@@ -636,13 +636,20 @@ fn reference_scenes_have_the_vertices_of_their_meshes() {
         let scene = load_scene(&checkout().join(format!("scenes/{name}.toml")), &[]).unwrap();
         let mut seen = 0;
         for shape in &scene.shapes {
-            let GeometryDescription::Mesh { positions, triangles, .. } = &shape.value.geometry else {
-                continue;
+            let (positions, triangles) = match &shape.value.geometry {
+                GeometryDescription::Mesh { positions, triangles, .. } => {
+                    (positions.clone(), triangles.clone())
+                }
+                &GeometryDescription::Quad { corner, edge_u, edge_v } => {
+                    let corners = [corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v];
+                    (corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
+                }
+                _ => continue,
             };
             let path = reference.join(name).join("meshes").join(&shape.name).with_extension("ply");
             let (mesh, _) = crate::scene_file::ply::read_ply(&path).unwrap();
             let expected: Vec<_> = (0..mesh.positions.len() as u32).map(|i| mesh.positions.get(i)).collect();
-            assert_eq!((positions, triangles), (&expected, &mesh.triangles), "{name}: {}", shape.name);
+            assert_eq!((&positions, &triangles), (&expected, &mesh.triangles), "{name}: {}", shape.name);
             seen += 1;
         }
         assert_eq!(seen, meshes, "{name}");

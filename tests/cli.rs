@@ -1,0 +1,463 @@
+//! The program as a user meets it: messages, exit codes, files, signals.
+#![allow(clippy::unwrap_used, reason = "a test may panic")]
+
+use cardioid::image_io::{self, MetadataValue};
+use serde_json::Value;
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+fn program() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cardioid"));
+    command.stdin(Stdio::null());
+    command
+}
+
+fn scene(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
+}
+
+/// A run in `folder`.
+fn run(folder: &TempDir, args: &[&str]) -> Output {
+    program().current_dir(folder.path()).args(args).output().unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+/// Fails with `code` and a message that holds all of `parts`; writes nothing, and shows no trace of the code.
+#[track_caller]
+fn assert_fails(folder: &TempDir, args: &[&str], code: i32, parts: &[&str]) {
+    let before = names_in(folder.path());
+    let start = Instant::now();
+    let output = run(folder, args);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{args:?}: {message}");
+    for part in parts {
+        assert!(message.contains(part), "{args:?}: no `{part}` in: {message}");
+    }
+    assert!(message.starts_with("error: "), "{args:?}: {message}");
+    assert!(!message.contains("panicked") && !message.contains("src/"), "{args:?}: {message}");
+    assert_plain(&message);
+    assert_eq!(names_in(folder.path()), before, "{args:?}");
+    // Said at once, not after a render.
+    assert!(start.elapsed() < Duration::from_secs(20), "{args:?} took {:?}", start.elapsed());
+}
+
+/// No control characters: somebody reads this in a file.
+#[track_caller]
+fn assert_plain(text: &str) {
+    let odd = text.chars().find(|c| c.is_control() && *c != '\n');
+    assert!(odd.is_none(), "{odd:?} in {text:?}");
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// Quick settings for a picture of 24 x 20.
+const QUICK: [&str; 9] = [
+    "--resolution",
+    "24x20",
+    "--spp",
+    "2",
+    "--global-photons",
+    "2000",
+    "--caustic-photons",
+    "2000",
+    "--quiet",
+];
+
+fn render_args<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut args = vec!["render", scene];
+    args.extend(QUICK);
+    args.extend(more);
+    args
+}
+
+fn spheres() -> String {
+    scene("cornell-spheres.toml").display().to_string()
+}
+
+#[test]
+fn wrong_command_lines() {
+    let folder = folder();
+    let spheres = spheres();
+    for (more, parts) in [
+        (["--no-such-option", "1"], ["--no-such-option", "--help"]),
+        (["--spp", "0"], ["--spp", "0"]),
+        (["--spp", "many"], ["--spp", "many"]),
+        (["--resolution", "0x5"], ["--resolution", "WIDTHxHEIGHT"]),
+        (["--resolution", "640"], ["640", "WIDTHxHEIGHT"]),
+        (["--crop", "1,2,3"], ["--crop", "X0,Y0,X1,Y1"]),
+        (["--crop", "5,5,5,9"], ["--crop", "X0 < X1"]),
+        (["--set", "novalue"], ["--set", "NAME=VALUE"]),
+        (["--quality", "finel"], ["finel", "final"]),
+        (["--integrator", "photon"], ["photon", "photon-map"]),
+        (["--time-limit", "0s"], ["--time-limit", "30s"]),
+        (["--time-limit", "5 weeks"], ["5 weeks", "30s"]),
+        (["--cone-k", "0.5"], ["0.5", "at least 1"]),
+        (["--threads", "-1"], ["-1", "--help"]),
+    ] {
+        let mut args = vec!["render", spheres.as_str()];
+        args.extend(more);
+        assert_fails(&folder, &args, 2, &parts);
+    }
+    assert_fails(&folder, &["rendr", &spheres], 2, &["rendr", "render"]);
+    assert_fails(&folder, &["render"], 2, &["SCENE"]);
+    assert_fails(&folder, &["compare", "a.exr"], 2, &["TEST"]);
+}
+
+#[test]
+fn wrong_scenes() {
+    let folder = folder();
+    assert_fails(&folder, &render_args("missing.toml", &[]), 1, &["missing.toml"]);
+    assert_fails(&folder, &["info", "missing.toml"], 1, &["missing.toml"]);
+    let place = folder.path().display().to_string();
+    assert_fails(&folder, &render_args(&place, &[]), 1, &[&place, "folder"]);
+    let unreadable = folder.path().join("locked.toml");
+    fs::write(&unreadable, "name = \"x\"").unwrap();
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        fs::set_permissions(&unreadable, fs::Permissions::from_mode(0o000)).unwrap();
+        // Whoever may read everything can read this as well.
+        if fs::read(&unreadable).is_err() {
+            assert_fails(&folder, &render_args("locked.toml", &[]), 1, &["locked.toml", "ermission"]);
+        } else {
+            println!("skipped: this user may read every file");
+        }
+    }
+    for (name, text, parts) in [
+        ("empty.toml", "", ["empty.toml", "[[shapes]]"]),
+        ("broken.toml", "name = ", ["broken.toml:1:", "1"]),
+        (
+            "typo.toml",
+            "nmae = \"x\"\n[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"m\"\n[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n",
+            ["typo.toml:1:1", "name"],
+        ),
+        (
+            "mesh.toml",
+            "[[shapes]]\ntype = \"mesh\"\nfile = \"gone.ply\"\nmaterial = \"m\"\n[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n",
+            ["mesh.toml:3:", "gone.ply"],
+        ),
+    ] {
+        fs::write(folder.path().join(name), text).unwrap();
+        assert_fails(&folder, &render_args(name, &[]), 1, &parts);
+    }
+    fs::write(folder.path().join("binary.toml"), [0xff, 0xfe, 0x00, 0x41]).unwrap();
+    assert_fails(&folder, &render_args("binary.toml", &[]), 1, &["binary.toml", "UTF-8"]);
+    // Parameters: unknown ones with the nearest name, bad values with the place.
+    let mesh = scene("mesh.toml").display().to_string();
+    assert_fails(&folder, &render_args(&mesh, &["--set", "mehs=a.ply"]), 1, &["mehs", "mesh"]);
+    assert_fails(&folder, &render_args(&mesh, &["--set", "mesh=gone.ply"]), 1, &["gone.ply"]);
+    assert_fails(&folder, &render_args(&mesh, &["--set", "normals=smoth"]), 1, &["smoth", "smooth"]);
+}
+
+#[test]
+fn wrong_outputs_are_told_before_rendering() {
+    let folder = folder();
+    let spheres = spheres();
+    fs::create_dir(folder.path().join("taken.exr")).unwrap();
+    for (name, parts) in [
+        ("nowhere/a.exr", ["nowhere", "no folder"]),
+        ("a.jpg", ["a.jpg", ".exr or .png"]),
+        ("a", ["a", ".exr or .png"]),
+        ("taken.exr", ["taken.exr", "folder"]),
+    ] {
+        // Were it told afterwards, the time limit would tell.
+        let args = ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "--quiet", "-o", name];
+        assert_fails(&folder, &args, 1, &parts);
+    }
+    let stats = [
+        "render",
+        &spheres,
+        "--spp",
+        "4096",
+        "--time-limit",
+        "30s",
+        "-o",
+        "a.exr",
+        "--stats",
+        "nowhere/s.json",
+    ];
+    assert_fails(&folder, &stats, 1, &["nowhere", "no folder"]);
+    let crop =
+        ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--crop", "0,0,257,256"];
+    assert_fails(&folder, &crop, 1, &["0,0 to 257,256", "256 x 256"]);
+}
+
+#[test]
+fn a_render_writes_what_it_says() {
+    let folder = folder();
+    let spheres = spheres();
+    let mut args = render_args(&spheres, &["-o", "out.exr", "--stats", "stats.json", "--seed", "7"]);
+    args.retain(|arg| *arg != "--quiet");
+    let output = run(&folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_eq!(stdout(&output), "");
+    assert_plain(&stderr(&output));
+    for part in ["wrote out.exr", "wrote out.png", "photons of", "2 samples per pixel"] {
+        assert!(stderr(&output).contains(part), "no `{part}` in {}", stderr(&output));
+    }
+    assert_eq!(names_in(folder.path()), ["out.exr", "out.png", "stats.json"]);
+
+    let image = image_io::read(folder.path().join("out.exr")).unwrap();
+    assert_eq!((image.width, image.height), (24, 20));
+    for name in [
+        "", "emission", "direct", "specular", "caustics", "indirect", "albedo", "normal", "depth", "object",
+        "material",
+    ] {
+        let layer = image.layer(name).unwrap_or_else(|| panic!("no layer `{name}`"));
+        assert_eq!(layer.data.len(), layer.channels.len() * 480, "{name}");
+    }
+    let text = |name: &str| match image.metadata(name) {
+        Some(MetadataValue::Text(text)) => text.clone(),
+        other => panic!("{name}: {other:?}"),
+    };
+    assert_eq!(text("cardioid/scene"), "cornell-spheres");
+    assert_eq!(text("cardioid/version"), env!("CARGO_PKG_VERSION"));
+    assert_eq!(text("cardioid/sceneHash").len(), 64);
+    assert!(text("cardioid/embree").contains('.'));
+    let settings: Value = serde_json::from_str(&text("cardioid/settings")).unwrap();
+    assert_eq!((&settings["seed"], &settings["spp"]), (&7.into(), &2.into()));
+    let plan: Value = serde_json::from_str(&text("cardioid/plan")).unwrap();
+    assert_eq!(plan["caustic_map"]["build"], true);
+
+    let png = image_io::read(folder.path().join("out.png")).unwrap();
+    assert_eq!((png.width, png.height), (24, 20));
+    assert!(png.layers[0].data.iter().any(|&v| v > 0.0));
+
+    let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats["schema"], 1);
+    for field in [
+        "scene",
+        "settings",
+        "plan",
+        "times",
+        "threads",
+        "samples",
+        "maps",
+        "irradiance_bytes",
+        "counters",
+        "mean_depth",
+        "rejected_samples",
+        "warnings",
+    ] {
+        assert!(!stats[field].is_null(), "no `{field}`");
+    }
+    assert_eq!(stats["samples"], 2);
+    assert_eq!(stats["counters"]["camera_rays"], 2 * 480);
+    let maps = stats["maps"].as_array().unwrap();
+    assert_eq!(
+        maps.iter().map(|map| map["map"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["global", "caustic"]
+    );
+    for map in maps {
+        assert!(
+            map["photons"].as_u64().unwrap() > 1000
+                && map["emitted"].as_u64() >= map["photons"].as_u64().map(|n| n / 10)
+        );
+        let light = &map["lights"][0];
+        for channel in 0..3 {
+            let flux = |name: &str| light[name][channel].as_f64().unwrap();
+            let accounted = flux("flux_absorbed") + flux("flux_escaped") + flux("flux_truncated");
+            assert!((flux("flux_emitted") / accounted - 1.0).abs() < 1e-6, "{light}");
+        }
+    }
+
+    // The same again over the old files; a window; a PNG alone; another seed.
+    let again = run(&folder, &args);
+    assert_eq!(again.status.code(), Some(0));
+    assert_eq!(image_io::read(folder.path().join("out.exr")).unwrap().layers, image.layers);
+    let output = run(
+        &folder,
+        &render_args(&spheres, &["-o", "part.exr", "--seed", "7", "--crop", "3,4,20,19", "--threads", "1"]),
+    );
+    assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""));
+    let part = image_io::read(folder.path().join("part.exr")).unwrap();
+    assert_eq!((part.width, part.height), (17, 15));
+    let pixel = |image: &image_io::Image, x: usize, y: usize| {
+        image.layer("").unwrap().pixel(y * image.width as usize + x).unwrap().to_vec()
+    };
+    assert_eq!(pixel(&part, 5, 6), pixel(&image, 8, 10));
+    let output = run(&folder, &render_args(&spheres, &["-o", "alone.png", "--beauty-only"]));
+    assert_eq!((output.status.code(), stderr(&output).as_str()), (Some(0), ""));
+    assert!(!folder.path().join("alone.exr").exists());
+}
+
+#[test]
+fn info_prints_the_plan() {
+    let folder = folder();
+    let output = run(&folder, &["info", &spheres()]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert_plain(&stdout(&output));
+    for part in [
+        "cornell-spheres",
+        "256 x 256",
+        "area light",
+        "global photon map",
+        "caustic photon map",
+        "2 specular surface(s)",
+        "Embree",
+        "spp",
+    ] {
+        assert!(stdout(&output).contains(part), "no `{part}` in {}", stdout(&output));
+    }
+    let plain = run(&folder, &["info", &scene("cornell-diffuse.toml").display().to_string()]);
+    assert!(stdout(&plain).contains("no specular surface, so there are no caustics"), "{}", stdout(&plain));
+    let output = run(&folder, &["info", &spheres(), "--json", "--integrator", "path"]);
+    let value: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(value["settings"]["integrator"], "path");
+    assert_eq!(value["plan"]["global_map"]["build"], false);
+}
+
+#[test]
+fn compare_runs() {
+    let folder = folder();
+    let reference = |name: &str| {
+        Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("tests/reference/cornell-diffuse")
+            .join(name)
+            .display()
+            .to_string()
+    };
+    let (first, second) = (reference("reference-1.exr"), reference("reference-2.exr"));
+    let args = ["compare", &first, "--second-half", &second, &first, "--json"];
+    let output = run(&folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(rows[0]["relmse"].as_f64().unwrap() < 1e-3, "{rows}");
+    let table = stdout(&run(&folder, &["compare", &first, &second, "--difference", "map.png"]));
+    assert!(table.contains("relmse") && table.contains("reference-2.exr"), "{table}");
+    assert_eq!(names_in(folder.path()), ["map.png"]);
+    assert_fails(&folder, &["compare", &first, "gone.exr"], 1, &["gone.exr"]);
+    assert_fails(&folder, &["compare", &first, &second, "--aov", "caustics"], 1, &["caustics", "it has"]);
+    run(&folder, &render_args(&spheres(), &["-o", "small.exr"]));
+    assert_fails(&folder, &["compare", &first, "small.exr"], 1, &["small.exr", "24"]);
+}
+
+/// A render that would take hours, and what it wrote so far once it is stopped.
+struct Long {
+    folder: TempDir,
+    child: Child,
+}
+
+impl Long {
+    fn start(more: &[&str]) -> Self {
+        let folder = folder();
+        let mut command = program();
+        command
+            .current_dir(folder.path())
+            .args(["render", &spheres(), "--integrator", "path", "--spp", "1000000", "-o", "long.exr"])
+            .args(["--resolution", "128x128", "--stats", "stats.json"])
+            .args(more)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped());
+        Self { child: command.spawn().unwrap(), folder }
+    }
+
+    #[cfg(unix)]
+    fn signal(&self, name: &str) {
+        let sent =
+            Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status().unwrap();
+        assert!(sent.success());
+    }
+
+    /// Waits, and returns the exit code and what was said. Ends the program itself where it does not end.
+    fn wait(&mut self) -> (Option<i32>, String) {
+        let start = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            if start.elapsed() > Duration::from_secs(60) {
+                self.child.kill().unwrap();
+                panic!("not stopped after a minute");
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        let mut message = String::new();
+        self.child.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+        (status.code(), message)
+    }
+
+    /// The picture is there, readable and not black, and the statistics tell how far it came.
+    #[track_caller]
+    fn assert_written(&self, message: &str) {
+        assert!(message.contains("stopped early") && message.contains("of 1000000"), "{message}");
+        assert_plain(message);
+        let image = image_io::read(self.folder.path().join("long.exr")).unwrap();
+        assert!(image.layer("").unwrap().data.iter().any(|&v| v > 0.0));
+        let stats: Value =
+            serde_json::from_slice(&fs::read(self.folder.path().join("stats.json")).unwrap()).unwrap();
+        let samples = stats["samples"].as_u64().unwrap();
+        assert!((1..1_000_000).contains(&samples), "{samples}");
+        assert_eq!(names_in(self.folder.path()), ["long.exr", "long.png", "stats.json"]);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_stop_with_a_picture() {
+    for name in ["INT", "TERM"] {
+        let mut long = Long::start(&[]);
+        std::thread::sleep(Duration::from_secs(3));
+        long.signal(name);
+        let (code, message) = long.wait();
+        assert_eq!(code, Some(130), "{name}: {message}");
+        assert!(message.contains("stopping; what is there will be written"), "{message}");
+        long.assert_written(&message);
+    }
+}
+
+#[test]
+fn a_time_limit_stops_with_a_picture() {
+    let start = Instant::now();
+    let mut long = Long::start(&["--time-limit", "1s"]);
+    let (code, message) = long.wait();
+    assert_eq!(code, Some(0), "{message}");
+    assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+    long.assert_written(&message);
+}
+
+/// A limit that pass 1 does not keep leaves no picture, and says so.
+#[test]
+fn a_time_limit_before_the_first_pixel() {
+    let folder = folder();
+    let spheres = spheres();
+    let args = ["render", &spheres, "--photons", "1000000000", "--time-limit", "200ms", "-o", "a.exr"];
+    assert_fails(&folder, &args, 1, &["stopped before the first pixel"]);
+}
+
+#[test]
+fn help_and_version() {
+    let folder = folder();
+    let version = run(&folder, &["--version"]);
+    assert_eq!(stdout(&version).trim(), format!("cardioid {}", env!("CARGO_PKG_VERSION")));
+    for args in [vec!["--help"], vec!["render", "--help"], vec!["info", "--help"], vec!["compare", "--help"]]
+    {
+        let output = run(&folder, &args);
+        assert_eq!(output.status.code(), Some(0));
+        assert!(stdout(&output).contains("Usage"));
+        assert_plain(&stdout(&output));
+    }
+    // Nothing at all asked for: the help, as an error.
+    assert_eq!(run(&folder, &[]).status.code(), Some(2));
+}
