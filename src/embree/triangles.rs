@@ -1,4 +1,3 @@
-use glam::{Vec3A, Vec4};
 use std::sync::Arc;
 
 /// Why a triangle buffer was refused.
@@ -60,23 +59,11 @@ impl TriangleBuffers {
     }
 
     /// Positions of the three corners of triangle `index`.
-    #[inline]
+    #[inline(always)]
     pub fn corners(&self, index: u32) -> [[f32; 3]; 3] {
         // Spelled out: a closure over arrays goes through memory, and each hit waits for it.
         let [a, b, c] = self.triangles[index as usize];
         [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
-    }
-
-    /// [`Self::corners`] in registers: one load each, as no position is the last of the buffer.
-    #[inline]
-    pub fn corners_in_registers(&self, index: u32) -> [Vec3A; 3] {
-        let coordinates = self.positions.as_flattened();
-        let load = |vertex: u32| {
-            let first = 3 * vertex as usize;
-            Vec3A::from_vec4(Vec4::from_slice(&coordinates[first..first + 4]))
-        };
-        let [a, b, c] = self.triangles[index as usize];
-        [load(a), load(b), load(c)]
     }
 
     /// Bytes held.
@@ -96,16 +83,5 @@ mod tests {
         // The padding is no vertex.
         let buffers = TriangleBuffers::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap();
         assert_eq!(buffers.positions().len(), 3);
-    }
-
-    #[test]
-    fn corners_in_registers_are_the_corners() {
-        let positions: Vec<_> =
-            (0u8..5).map(|i| [f32::from(i), f32::from(i) + 0.25, -f32::from(i)]).collect();
-        let buffers = TriangleBuffers::new(positions, vec![[0, 1, 2], [4, 3, 0]]).unwrap();
-        for triangle in 0..2 {
-            let in_registers = buffers.corners_in_registers(triangle).map(|v| v.to_array());
-            assert_eq!(in_registers, buffers.corners(triangle));
-        }
     }
 }

@@ -292,7 +292,7 @@ struct Flight {
 
 impl Flight {
     /// Goes on from what its ray hit; `false` where it ends.
-    #[inline]
+    #[inline(always)]
     fn advance(
         &mut self,
         pass: &Batch<'_>,

@@ -30,7 +30,7 @@ impl HitPoint {
     /// triangle without area.
     #[inline(always)]
     pub fn on_triangle(corners: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
-        let Some(point) = TrianglePoint::new(corners.map(Vec3A::from_array), uv) else {
+        let Some(point) = TrianglePoint::new(corners, uv) else {
             return Self::on_tiny_triangle(corners, uv);
         };
         Some(Self {
@@ -105,8 +105,8 @@ pub(super) struct TrianglePoint {
 impl TrianglePoint {
     /// `None` outside the range in which neither the cross product of the edges nor its square loses digits.
     #[inline(always)]
-    pub(super) fn new(corners: [Vec3A; 3], uv: [f32; 2]) -> Option<Self> {
-        let [v0, v1, v2] = corners;
+    pub(super) fn new([v0, v1, v2]: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
+        let (v0, v1, v2) = (Vec3A::from_array(v0), Vec3A::from_array(v1), Vec3A::from_array(v2));
         let (e1, e2) = (v1 - v0, v2 - v0);
         let n = e1.cross(e2);
         let length_squared = n.length_squared();
@@ -116,7 +116,7 @@ impl TrianglePoint {
         let inverse_length = 1.0 / length_squared.sqrt();
         let normal = n * inverse_length;
         let position = v0 + e1 * uv[0] + e2 * uv[1];
-        Some(Self { corners, edges: [e1, e2], position, normal, inverse_length })
+        Some(Self { corners: [v0, v1, v2], edges: [e1, e2], position, normal, inverse_length })
     }
 
     /// [`HitPoint::offset`]. Bounds three errors, to first order in the unit roundoff `u`, component by component so

@@ -244,7 +244,7 @@ impl Scene {
         else {
             return None;
         };
-        let point = TrianglePoint::new(buffers.corners_in_registers(hit.primitive), hit.uv)?;
+        let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?;
         let cosine = -point.normal.dot(Vec3A::from(ray.direction));
         let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
         let facing = if cosine > 0.0 { point.normal } else { -point.normal };
