@@ -28,20 +28,27 @@ impl Lambert {
         if lit { cosine_hemisphere_pdf(wi.z) } else { 0.0 }
     }
 
+    /// A direction with density `cos(theta_i) / pi`, around `+z` and strictly above the surface.
+    #[inline]
+    pub fn sample_direction(u: Vec2) -> Vec3 {
+        let d = square_to_disc(u);
+        // Not zero on the rim: there the density would vanish and the direction lie in the surface, and
+        // rejecting it would lose energy.
+        let z = (1.0 - d.length_squared()).max(SMALLEST_COS_SQUARED).sqrt();
+        Vec3::new(d.x, d.y, z)
+    }
+
     /// A direction with density `cos(theta_i) / pi`; the throughput is the reflectance exactly.
     #[inline]
     pub fn sample(&self, wo: Vec3, u: Vec2) -> Option<BsdfSample> {
         if !(wo.z > 0.0 && self.reflectance.max_element() > 0.0) {
             return None;
         }
-        let d = square_to_disc(u);
-        // Not zero on the rim: there the density would vanish and the direction lie in the surface, and
-        // rejecting it would lose energy.
-        let z = (1.0 - d.length_squared()).max(SMALLEST_COS_SQUARED).sqrt();
+        let wi = Self::sample_direction(u);
         Some(BsdfSample {
-            wi: Vec3::new(d.x, d.y, z),
+            wi,
             throughput: self.reflectance,
-            pdf_solid_angle: z * FRAC_1_PI,
+            pdf_solid_angle: wi.z * FRAC_1_PI,
             lobe: Lobe::Diffuse,
             transmission: false,
         })

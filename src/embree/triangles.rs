@@ -59,7 +59,7 @@ impl TriangleBuffers {
     }
 
     /// Positions of the three corners of triangle `index`.
-    #[inline]
+    #[inline(always)]
     pub fn corners(&self, index: u32) -> [[f32; 3]; 3] {
         // Spelled out: a closure over arrays goes through memory, and each hit waits for it.
         let [a, b, c] = self.triangles[index as usize];

@@ -1,5 +1,4 @@
 use super::LightSample;
-use crate::embree::SurfacePoint;
 use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Rgb, unit_f64};
 use crate::sampling::Distribution1D;
@@ -17,6 +16,8 @@ pub struct AreaLight {
     two_sided: bool,
     /// Emits on the side opposite to the shape's own normal.
     flip_normal: bool,
+    /// One over the density of a start per area (and side), which is the same on all pieces.
+    area_over_pdf: f32,
     /// Radius of the largest piece: what rounding errors near it scale with.
     extent: f32,
 }
@@ -45,7 +46,9 @@ impl AreaLight {
     pub fn new(pieces: Vec<EmitterShape>, radiance: Rgb, two_sided: bool, flip_normal: bool) -> Option<Self> {
         let choice = Distribution1D::new(pieces.iter().map(EmitterShape::area))?;
         let extent = pieces.iter().map(|piece| piece.bounds().radius()).fold(0.0, f64::max) as f32;
-        Some(Self { pieces, choice, radiance, two_sided, flip_normal, extent })
+        let sides = if two_sided { 2.0 } else { 1.0 };
+        let area_over_pdf = (sides * choice.total()) as f32;
+        Some(Self { pieces, choice, radiance, two_sided, flip_normal, area_over_pdf, extent })
     }
 
     /// Radiance it emits.
@@ -118,6 +121,7 @@ impl AreaLight {
     }
 
     /// Draws where a photon leaves: uniform over the area, and over the sides where both emit.
+    #[inline]
     pub fn sample_start(&self, u: Vec2) -> EmissionStart {
         let (side, u) = if self.two_sided {
             let doubled = u.x * 2.0;
@@ -125,16 +129,13 @@ impl AreaLight {
         } else {
             (false, u)
         };
-        let (piece, probability, u) = self.choose(u);
+        let (piece, _, u) = self.choose(u);
         let sample = self.pieces[piece].sample_area(u);
         let normal = if self.flip_normal != side { -sample.normal } else { sample.normal };
-        let sides = if self.two_sided { 2.0 } else { 1.0 };
-        EmissionStart {
-            area_over_pdf: sides / (sample.pdf_area * probability),
-            ..start_at(sample.position, normal, self.extent)
-        }
+        EmissionStart { area_over_pdf: self.area_over_pdf, ..start_at(sample.position, normal, self.extent) }
     }
 
+    #[inline]
     fn choose(&self, u: Vec2) -> (usize, f32, Vec2) {
         if self.pieces.len() == 1 {
             return (0, 1.0, u);
@@ -151,15 +152,15 @@ impl EmissionStart {
 }
 
 /// A point computed in `f64` on the light, with the bound of [`crate::embree::SurfacePoint`] on its rounding.
+#[inline]
 fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
     // Wide enough for triangles as well, which Embree tests in f32 after moving their corners to the ray's origin.
-    let error = (position.abs().as_vec3() + Vec3::splat(2.0 * extent)) * (4.0 * UNIT_ROUNDOFF);
-    let point = SurfacePoint { position, error, normal, uv: Vec2::ZERO };
-    let (rounded, n) = (point.position.as_vec3(), point.normal.as_vec3());
+    let (rounded, n) = (position.as_vec3(), normal.as_vec3());
+    let error = (rounded.abs() + Vec3::splat(2.0 * extent)) * (4.0 * UNIT_ROUNDOFF);
     EmissionStart {
         position: rounded,
         normal: n,
         area_over_pdf: 0.0,
-        offset: 2.0 * n.abs().dot(point.error + rounded.abs() * UNIT_ROUNDOFF),
+        offset: 2.0 * n.abs().dot(error + rounded.abs() * UNIT_ROUNDOFF),
     }
 }

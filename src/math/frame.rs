@@ -14,6 +14,7 @@ pub struct Frame {
 impl Frame {
     /// A frame around the unit vector `z`, without branches or square roots
     /// (Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017).
+    #[inline]
     pub fn from_z(z: Vec3) -> Self {
         let sign = 1f32.copysign(z.z);
         let a = -1.0 / (sign + z.z);
@@ -26,11 +27,13 @@ impl Frame {
     }
 
     /// Coordinates of the world vector `v` in this frame.
+    #[inline]
     pub fn to_local(&self, v: Vec3) -> Vec3 {
         Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
     }
 
     /// The world vector with local coordinates `v`.
+    #[inline]
     pub fn to_world(&self, v: Vec3) -> Vec3 {
         self.x * v.x + self.y * v.y + self.z * v.z
     }

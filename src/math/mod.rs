@@ -13,7 +13,7 @@ pub mod rounding;
 
 pub use bounds::Bounds3;
 pub use frame::Frame;
-pub use octahedral::{octahedral_decode, octahedral_encode};
+pub use octahedral::{octahedral_decode, octahedral_encode, octahedral_encode_two};
 pub use ray::Ray;
 pub use rgbe::Rgbe;
 

@@ -1,4 +1,4 @@
-use glam::Vec3;
+use glam::{Vec3, Vec4, Vec4Swizzles};
 
 /// A unit vector in `2 * bits` bits by the octahedral map, each coordinate rounded to the nearest of
 /// `2^bits - 1` steps (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
@@ -7,16 +7,27 @@ use glam::Vec3;
 /// An odd number of levels puts the six axes exactly on the grid, so that the normal of an axis-aligned wall
 /// survives unchanged.
 pub fn octahedral_encode(v: Vec3, bits: u32) -> u32 {
-    let steps = ((1u32 << bits) - 2) as f32;
-    let inverse = 1.0 / (v.x.abs() + v.y.abs() + v.z.abs());
-    let (mut x, mut y) = (v.x * inverse, v.y * inverse);
-    if v.z < 0.0 {
-        (x, y) = ((1.0 - y.abs()) * 1f32.copysign(x), (1.0 - x.abs()) * 1f32.copysign(y));
-    }
+    octahedral_encode_two([v, v], [bits, bits])[0]
+}
+
+/// [`octahedral_encode`] of two vectors, which together fill the four lanes of a register.
+#[inline]
+pub fn octahedral_encode_two(v: [Vec3; 2], bits: [u32; 2]) -> [u32; 2] {
+    let [a, b] = v;
+    let steps = |bits: u32| ((1u32 << bits) - 2) as f32;
+    let (steps_a, steps_b) = (steps(bits[0]), steps(bits[1]));
+    let xy = Vec4::new(a.x, a.y, b.x, b.y);
+    let z = Vec4::new(a.z, a.z, b.z, b.z);
+    let upper = xy / (xy.abs() + xy.yxwz().abs() + z.abs());
+    let lower = (Vec4::ONE - upper.yxwz().abs()) * Vec4::ONE.copysign(upper);
+    let plane = Vec4::select(z.cmplt(Vec4::ZERO), lower, upper);
+    let unit = (plane * 0.5 + 0.5).max(Vec4::ZERO).min(Vec4::ONE);
     // Adding 2^23 rounds to a whole number in the low bits: `round` is a call where the processor has no such
     // instruction, and a cast checks its range.
-    let quantise = |c: f32| ((c * 0.5 + 0.5).clamp(0.0, 1.0) * steps + 8_388_608.0).to_bits() & 0xffff;
-    quantise(x) << bits | quantise(y)
+    let rounded = unit * Vec4::new(steps_a, steps_a, steps_b, steps_b) + 8_388_608.0;
+    let [ax, ay, bx, by] = rounded.to_array();
+    let whole = |c: f32| c.to_bits() & 0xffff;
+    [whole(ax) << bits[0] | whole(ay), whole(bx) << bits[1] | whole(by)]
 }
 
 /// The unit vector of [`octahedral_encode`]. The error is largest in the middle of the octahedron's faces, where it

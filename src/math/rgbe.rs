@@ -1,4 +1,5 @@
 use super::Rgb;
+use glam::Vec3A;
 
 /// A non-negative colour in four bytes: three 8-bit mantissas and a shared exponent (Ward, "Real Pixels",
 /// Graphics Gems II, 1991). Covers 2^-136 to 2^127, which is 1e-41 to 1e38.
@@ -12,7 +13,7 @@ impl Rgbe {
     /// power; `u` in `[0, 1)` decides instead, three times from different bits of it. Negative and NaN
     /// channels become zero, infinite ones the largest value.
     pub fn encode_dithered(colour: Rgb, u: f32) -> Self {
-        let colour = colour.max(Rgb::ZERO).min(Rgb::splat(1.7e38));
+        let colour = Vec3A::from(colour).max(Vec3A::ZERO).min(Vec3A::splat(LARGEST));
         let largest = colour.max_element();
         // Below the normal range of f32 a photon is zero: such flux is lost in any sum.
         if !(largest >= f32::MIN_POSITIVE) {
@@ -26,17 +27,14 @@ impl Rgbe {
         let scale = scale_for(exponent);
         let bits = (u * 16_777_216.0) as u32;
         // Sixteen bits for each channel; that they overlap ties the roundings of channels together, which no mean sees.
-        let dither = [bits >> 8 & 0xffff, bits & 0xffff, (bits << 8 | bits >> 16) & 0xffff];
-        let mut out = [0u8; 4];
-        for (channel, mantissa) in out.iter_mut().take(3).enumerate() {
-            // Rounding to nearest of what was moved by half a step less: rounding down, at random. 2^23 brings the
-            // whole number into the low bits.
-            let threshold = (dither[channel] as f32 - 32_767.5) / 65_536.0;
-            let moved = (colour[channel] * scale + threshold).clamp(0.0, 255.0);
-            *mantissa = (moved + 8_388_608.0).to_bits() as u8;
-        }
-        out[3] = (exponent + 128) as u8;
-        Self(out)
+        let dither = |bits: u32| (bits & 0xffff) as i32 as f32;
+        let dither = Vec3A::new(dither(bits >> 8), dither(bits), dither(bits << 8 | bits >> 16));
+        // Rounding to nearest of what was moved by half a step less: rounding down, at random. 2^23 brings the whole
+        // number into the low bits.
+        let threshold = (dither - 32_767.5) * (1.0 / 65_536.0);
+        let moved = (colour * scale + threshold).max(Vec3A::ZERO).min(Vec3A::splat(255.0));
+        let [r, g, b] = (moved + 8_388_608.0).to_array();
+        Self([r.to_bits() as u8, g.to_bits() as u8, b.to_bits() as u8, (exponent + 128) as u8])
     }
 
     /// The colour.
@@ -52,15 +50,17 @@ impl Rgbe {
     }
 }
 
+/// The largest colour that a code can hold: 255 * 2^119.
+const LARGEST: f32 = 1.694_733e38;
+
 /// Exponent `e` with `x` in `[2^(e-1), 2^e)`, for normal `x`, at least the smallest that a code can hold.
 fn exponent_of(x: f32) -> i32 {
     (((x.to_bits() >> 23) as i32) - 126).max(-117)
 }
 
-/// 2^(8 - exponent).
+/// 2^(8 - exponent), for what [`exponent_of`] gives and one more.
 fn scale_for(exponent: i32) -> f32 {
-    let power = 8 - exponent;
-    if power <= 127 { f32::from_bits(((power + 127) as u32) << 23) } else { f32::MAX }
+    f32::from_bits(((8 + 127 - exponent) as u32) << 23)
 }
 
 #[cfg(test)]
@@ -93,7 +93,8 @@ mod tests {
         assert_eq!(Rgbe::encode_dithered(Rgb::ZERO, 0.5).decode(), Rgb::ZERO);
         assert_eq!(Rgbe::encode_dithered(Rgb::splat(f32::NAN), 0.5).decode(), Rgb::ZERO);
         assert_eq!(Rgbe::encode_dithered(Rgb::splat(-1.0), 0.5).decode(), Rgb::ZERO);
-        assert!(Rgbe::encode_dithered(Rgb::splat(f32::INFINITY), 0.999).decode().is_finite());
+        let largest = Rgbe::encode_dithered(Rgb::splat(f32::INFINITY), 0.999).decode();
+        assert!(largest.is_finite() && largest.x > 1.6e38, "{largest}");
         assert!(Rgbe::encode_dithered(Rgb::splat(1e-37), 0.999).decode().x > 0.0);
         for power in -30..60 {
             let x = 2f32.powi(power);

@@ -30,24 +30,27 @@ pub struct EmittedPhoton {
 
 /// Emits a photon of `light` for a point `u` of the unit hypercube. `None` where this point sends nothing: it counts as
 /// emitted all the same, with no power.
+#[inline]
 pub fn emit(light: &Light, aim: Aim<'_>, u: [f32; 4]) -> Option<EmittedPhoton> {
     let (place, heading) = (Vec2::new(u[0], u[1]), Vec2::new(u[2], u[3]));
     match light {
         Light::Area(area) => {
             let start = area.sample_start(place);
-            let (direction, per_pdf) = match aim {
-                Aim::Casters(casters, _) => {
-                    let cones = Cones::seen_from(start.position, casters);
-                    match cones {
-                        Some(cones) => cones.sample(heading)?,
-                        None => cosine_direction(start.normal, heading),
-                    }
+            let cones = match aim {
+                Aim::Casters(casters, _) => Cones::seen_from(start.position, casters),
+                Aim::Scene(_) => None,
+            };
+            let (direction, per_pdf) = match cones {
+                Some(cones) => {
+                    let (direction, per_pdf) = cones.sample(heading)?;
+                    (direction, Some(per_pdf))
                 }
-                Aim::Scene(_) => cosine_direction(start.normal, heading),
+                None => (cosine_direction(start.normal, heading), None),
             };
             let cosine = start.normal.dot(direction);
-            // The shares of the cosine in emission and density cancel only where it drew the direction.
-            let power = area.radiance() * (cosine * per_pdf * start.area_over_pdf);
+            // The shares of the cosine in emission and density cancel where it drew the direction.
+            let cosine_over_pdf = per_pdf.map_or(PI, |per_pdf| cosine * per_pdf);
+            let power = area.radiance() * (cosine_over_pdf * start.area_over_pdf);
             (cosine > 0.0 && power.max_element() > 0.0)
                 .then(|| EmittedPhoton { ray: Ray::new(start.off_surface(direction), direction), power })
         }
@@ -76,10 +79,9 @@ pub fn emit(light: &Light, aim: Aim<'_>, u: [f32; 4]) -> Option<EmittedPhoton> {
     }
 }
 
-/// A direction around `normal` with density `cos / pi`, and one over that density.
-fn cosine_direction(normal: Vec3, u: Vec2) -> (Vec3, f32) {
-    let local = warp::square_to_cosine_hemisphere(u);
-    (Frame::from_z(normal).to_world(local), PI / local.z.max(f32::MIN_POSITIVE))
+/// A direction around `normal` with density `cos / pi`.
+fn cosine_direction(normal: Vec3, u: Vec2) -> Vec3 {
+    Frame::from_z(normal).to_world(warp::square_to_cosine_hemisphere(u))
 }
 
 /// The cones that spheres fill as seen from one point.

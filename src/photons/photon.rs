@@ -1,4 +1,4 @@
-use crate::math::{Rgb, Rgbe, octahedral_decode, octahedral_encode};
+use crate::math::{Rgb, Rgbe, octahedral_decode, octahedral_encode, octahedral_encode_two};
 use glam::Vec3;
 use std::sync::LazyLock;
 
@@ -75,13 +75,15 @@ impl Photon {
     ///
     /// `normal` is the unit geometric normal on either side; it is turned to the side of `wi`. `dither` in
     /// `[0, 1)`, a random number of this photon's own, rounds the power without bias ([`Rgbe::encode_dithered`]).
+    #[inline]
     pub fn new(position: Vec3, power: Rgb, wi: Vec3, normal: Vec3, class: PhotonClass, dither: f32) -> Self {
         let side = if normal.dot(wi) < 0.0 { -normal } else { normal };
+        let [wi, normal] = octahedral_encode_two([wi, side], [WI_BITS, NORMAL_BITS]);
         Self {
             position,
             power: Rgbe::encode_dithered(power, dither),
-            wi: octahedral_encode(wi, WI_BITS) as u16,
-            flags: normal_code(side) | (class as u16) << (2 * NORMAL_BITS),
+            wi: wi as u16,
+            flags: normal as u16 | (class as u16) << (2 * NORMAL_BITS),
         }
     }
 

@@ -2,13 +2,13 @@
 
 use super::emission::{Aim, emit};
 use super::{Photon, PhotonClass};
-use crate::bsdf::{Lobe, TransportMode, shading_normal_correction, sides_agree};
+use crate::bsdf::{Lambert, Lobe, TransportMode, shading_normal_correction, sides_agree};
 use crate::embree::RawHit;
 use crate::math::{Frame, Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::{Rng, Sobol, Stream, mix};
-use crate::scene::{MapKind, Scene, Shading, SurfaceInteraction};
-use glam::{DVec3, Vec2};
+use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::AddAssign;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -228,19 +228,20 @@ impl<'a> Batch<'a> {
             MapKind::Global => Aim::Scene(bounds),
             MapKind::Caustic => Aim::Casters(casters, bounds),
         };
-        let mut flights: Vec<Flight<'_>> = Vec::with_capacity(IN_FLIGHT);
+        let mut flights: Vec<Flight> = Vec::with_capacity(IN_FLIGHT);
         let mut hits = [None; IN_FLIGHT];
         let mut index = first;
+        let mut points = sequence.set((index >> 32) as u32);
         loop {
             while flights.len() < IN_FLIGHT && index < end {
                 tally.emitted += 1;
-                let u = sequence.sample_4d((index >> 32) as u32, index as u32);
-                if let Some(start) = emit(source, aim, u) {
+                if index as u32 == 0 {
+                    points = sequence.set((index >> 32) as u32);
+                }
+                if let Some(start) = emit(source, aim, points.sample_4d(index as u32)) {
                     let power = start.power * scale;
                     tally.power_emitted += power.as_dvec3();
                     flights.push(Flight {
-                        scene: self.scene,
-                        settings: self.settings,
                         rng: Rng::new(seed, self.stream, index),
                         ray: start.ray,
                         power,
@@ -261,7 +262,7 @@ impl<'a> Batch<'a> {
             }
             // From the back, so that a removal moves only flights that have been advanced.
             for i in (0..flights.len()).rev() {
-                if !flights[i].advance(hits[i], &mut photons, &mut tally) {
+                if !flights[i].advance(self, hits[i], &mut photons, &mut tally) {
                     flights.swap_remove(i);
                 }
             }
@@ -276,9 +277,7 @@ impl<'a> Batch<'a> {
 const IN_FLIGHT: usize = 32;
 
 /// A photon under way.
-struct Flight<'a> {
-    scene: &'a Scene,
-    settings: &'a TraceSettings,
+struct Flight {
     rng: Rng,
     ray: Ray,
     power: Rgb,
@@ -291,31 +290,35 @@ struct Flight<'a> {
     from_infinity: bool,
 }
 
-impl Flight<'_> {
+impl Flight {
     /// Goes on from what its ray hit; `false` where it ends.
-    #[inline]
-    fn advance(&mut self, hit: Option<RawHit>, photons: &mut Vec<Photon>, tally: &mut PhotonTally) -> bool {
+    #[inline(always)]
+    fn advance(
+        &mut self,
+        pass: &Batch<'_>,
+        hit: Option<RawHit>,
+        photons: &mut Vec<Photon>,
+        tally: &mut PhotonTally,
+    ) -> bool {
         let Some(hit) = hit else {
             tally.missed += u64::from(self.depth == 0);
             tally.power_escaped += self.power.as_dvec3();
             return false;
         };
-        let hit = self.scene.interaction(&self.ray, &hit);
         tally.bounces += 1;
         let arriving = self.power;
-        let medium = self.scene.medium(self.medium);
+        let medium = pass.scene.medium(self.medium);
         if !(medium.is_clear() || self.from_infinity && self.depth == 0) {
-            self.power *= medium.transmittance(hit.distance);
+            self.power *= medium.transmittance(hit.t);
         }
-        let shading = hit.shading(self.scene.material(&hit));
-        if shading.bsdf.has_diffuse() {
-            self.store(&hit, photons);
-        }
-        let goes_on = self.scatter(&hit, &shading, tally);
+        let goes_on = match pass.scene.diffuse_hit(&self.ray, &hit) {
+            Some(hit) => self.reflect(pass.settings.kind, &hit, photons),
+            None => self.meet(pass, &hit, photons, tally),
+        };
         let left = if goes_on { self.power } else { Rgb::ZERO };
         tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
         self.depth += 1;
-        if goes_on && self.depth >= self.settings.max_depth {
+        if goes_on && self.depth >= pass.settings.max_depth {
             tally.truncated += 1;
             tally.power_truncated += self.power.as_dvec3();
             return false;
@@ -323,30 +326,76 @@ impl Flight<'_> {
         goes_on
     }
 
-    fn store(&mut self, hit: &SurfaceInteraction, photons: &mut Vec<Photon>) {
+    /// Goes on from a flat Lambert surface, as [`Self::meet`] from all others. Here the direction has no say in the
+    /// roulette, so that is played first, and only survivors draw one.
+    #[inline(always)]
+    fn reflect(&mut self, kind: MapKind, hit: &DiffuseHit, photons: &mut Vec<Photon>) -> bool {
+        self.store(kind, (hit.position(), hit.facing_normal()), 1.0, photons);
+        if kind == MapKind::Caustic || !self.survives(self.power * hit.reflectance) {
+            return false;
+        }
+        self.only_specular = false;
+        let local = Lambert::sample_direction(self.rng.next_2d());
+        self.ray = hit.spawn(Frame::from_z(hit.facing_normal()).to_world(local));
+        true
+    }
+
+    /// Goes on from any surface.
+    #[inline(never)]
+    fn meet(
+        &mut self,
+        pass: &Batch<'_>,
+        hit: &RawHit,
+        photons: &mut Vec<Photon>,
+        tally: &mut PhotonTally,
+    ) -> bool {
+        let hit = pass.scene.interaction(&self.ray, hit);
+        let shading = hit.shading(pass.scene.material(&hit));
+        if shading.bsdf.has_diffuse() {
+            // Density on the surface has the cosine at the geometric normal in it; what is reflected has that at the
+            // shading normal.
+            let at = (hit.point.position, hit.facing_normal());
+            self.store(pass.settings.kind, at, shading_share(&hit), photons);
+        }
+        if pass.settings.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
+            return false;
+        }
+        self.scatter(pass.scene, &hit, &shading, tally)
+    }
+
+    /// Stores the photon where it is, on the side of `normal`, with `share` of its power.
+    #[inline(always)]
+    fn store(
+        &mut self,
+        kind: MapKind,
+        (position, normal): (Vec3, Vec3),
+        share: f32,
+        photons: &mut Vec<Photon>,
+    ) {
         let class = match (self.depth, self.only_specular) {
             (0, _) => PhotonClass::Direct,
             (_, true) => PhotonClass::Caustic,
             (_, false) => PhotonClass::Indirect,
         };
-        if self.settings.kind == MapKind::Caustic && class != PhotonClass::Caustic {
+        if kind == MapKind::Caustic && class != PhotonClass::Caustic {
             return;
         }
-        // Density on the surface has the cosine at the geometric normal in it; what is reflected has that at the shading
-        // normal.
-        let power = self.power * shading_share(hit);
+        let power = self.power * share;
         if power == Rgb::ZERO {
             return;
         }
         let dither = self.rng.next_f32();
-        photons.push(Photon::new(hit.point.position, power, hit.wo, hit.facing_normal(), class, dither));
+        photons.push(Photon::new(position, power, -self.ray.direction, normal, class, dither));
     }
 
     /// Draws the ray on which the photon goes on, and its new power; `false` where it ends here.
-    fn scatter(&mut self, hit: &SurfaceInteraction, shading: &Shading, tally: &mut PhotonTally) -> bool {
-        if self.settings.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
-            return false;
-        }
+    fn scatter(
+        &mut self,
+        scene: &Scene,
+        hit: &SurfaceInteraction,
+        shading: &Shading,
+        tally: &mut PhotonTally,
+    ) -> bool {
         let u_lobe = if shading.bsdf.is_delta() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
         let bent = hit.shading_normal != hit.point.normal;
@@ -360,11 +409,11 @@ impl Flight<'_> {
         let direction = frame.to_world(sample.wi);
         if sample.lobe == Lobe::Specular {
             tally.interfaces += 1;
-            tally.medium_mismatches += u64::from(self.scene.is_medium_mismatch(hit, self.medium));
+            tally.medium_mismatches += u64::from(scene.is_medium_mismatch(hit, self.medium));
         } else {
             self.only_specular = false;
         }
-        let Some(medium) = self.scene.medium_after(self.medium, hit, shading, direction, sample.transmission)
+        let Some(medium) = scene.medium_after(self.medium, hit, shading, direction, sample.transmission)
         else {
             return false;
         };
@@ -382,21 +431,23 @@ impl Flight<'_> {
                 Lobe::Diffuse => 1.0,
             };
         }
-        // Chromatic roulette: the brightest channel decides, so that photons keep their power and no channel of a
-        // survivor grows beyond it.
-        let survival = power.max_element() / self.power.max_element();
-        if !(survival > 0.0) {
+        if !self.survives(power) {
             return false;
         }
-        if survival < 1.0 {
-            if self.rng.next_f32() >= survival {
-                return false;
-            }
-            power /= survival;
-        }
-        self.power = power;
         self.medium = medium;
         self.ray = hit.spawn(direction);
+        true
+    }
+
+    /// Chromatic roulette over what is left of the `power` after a surface: the brightest channel decides, so that
+    /// photons keep their power and no channel of a survivor grows beyond it.
+    #[inline(always)]
+    fn survives(&mut self, power: Rgb) -> bool {
+        let survival = power.max_element() / self.power.max_element();
+        if !(survival > 0.0) || survival < 1.0 && self.rng.next_f32() >= survival {
+            return false;
+        }
+        self.power = if survival < 1.0 { power / survival } else { power };
         true
     }
 }

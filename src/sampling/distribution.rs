@@ -3,6 +3,8 @@
 pub struct Distribution1D {
     /// Cumulative weight up to and including each entry; the last one is the total.
     cumulative: Vec<f64>,
+    /// Index of the last positive weight.
+    last_positive: usize,
 }
 
 impl Distribution1D {
@@ -11,14 +13,19 @@ impl Distribution1D {
     pub fn new(weights: impl IntoIterator<Item = f64>) -> Option<Self> {
         let mut total = 0.0;
         let mut cumulative = Vec::new();
+        let mut last_positive = 0;
         for weight in weights {
             if !(weight >= 0.0 && weight.is_finite()) {
                 return None;
             }
+            // Not `weight > 0.0`: one that rounding loses has no interval of its own.
+            if total + weight > total {
+                last_positive = cumulative.len();
+            }
             total += weight;
             cumulative.push(total);
         }
-        (total > 0.0 && total.is_finite()).then_some(Self { cumulative })
+        (total > 0.0 && total.is_finite()).then_some(Self { cumulative, last_positive })
     }
 
     /// Number of entries.
@@ -34,9 +41,10 @@ impl Distribution1D {
 
     /// An index with probability proportional to its weight, for `u` in `[0, 1)`; its probability; and what is
     /// left of `u`, again uniform in `[0, 1)`. Never returns an index of zero weight.
+    #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32, f32) {
         let target = f64::from(u) * self.total();
-        let index = self.cumulative.partition_point(|&c| c <= target).min(self.last_positive());
+        let index = self.cumulative.partition_point(|&c| c <= target).min(self.last_positive);
         let low = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
         let weight = self.cumulative[index] - low;
         let rest = ((target - low) / weight) as f32;
@@ -47,11 +55,6 @@ impl Distribution1D {
     pub fn probability(&self, index: usize) -> f32 {
         let low = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
         ((self.cumulative[index] - low) / self.total()) as f32
-    }
-
-    fn last_positive(&self) -> usize {
-        let total = self.total();
-        self.cumulative.partition_point(|&c| c < total)
     }
 }
 

@@ -12,7 +12,7 @@ pub mod warp;
 pub use distribution::Distribution1D;
 pub use rng::{Rng, Stream, mix};
 pub use samples::{SampleStream, Splits};
-pub use sobol::{SOBOL_DIMENSIONS, Sobol};
+pub use sobol::{SOBOL_DIMENSIONS, Sobol, SobolSet};
 
 /// Largest `f32` below one: what a uniform variate is clamped to.
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;

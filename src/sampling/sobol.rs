@@ -66,6 +66,47 @@ const fn byte_tables() -> [[[u32; 256]; 4]; SOBOL_DIMENSIONS] {
 
 static TABLES: [[[u32; 256]; 4]; SOBOL_DIMENSIONS] = byte_tables();
 
+/// One set of a [`Sobol`] sequence.
+#[derive(Clone, Copy, Debug)]
+pub struct SobolSet {
+    shuffle: u32,
+    scrambles: u64,
+}
+
+impl SobolSet {
+    /// Two coordinates of the point with `index`, each in `[0, 1)`.
+    #[inline]
+    pub fn sample_2d(&self, index: u32) -> Vec2 {
+        let shuffled = self.shuffled(index);
+        Vec2::new(scrambled(shuffled, 0, self.scrambles), scrambled(shuffled, 1, self.scrambles))
+    }
+
+    /// Four coordinates of the point with `index`, each in `[0, 1)`.
+    #[inline]
+    pub fn sample_4d(&self, index: u32) -> [f32; 4] {
+        let (shuffled, scrambles) = (self.shuffled(index), self.scrambles);
+        [
+            scrambled(shuffled, 0, scrambles),
+            scrambled(shuffled, 1, scrambles),
+            scrambled(shuffled, 2, scrambles),
+            scrambled(shuffled, 3, scrambles),
+        ]
+    }
+
+    /// One coordinate of the point with `index`, in `[0, 1)`.
+    #[inline]
+    pub fn sample_1d(&self, index: u32) -> f32 {
+        scrambled(self.shuffled(index), 0, self.scrambles)
+    }
+
+    /// The index shuffled within its aligned blocks.
+    #[inline]
+    fn shuffled(&self, index: u32) -> u32 {
+        // Bit-reversed input and output: the low bits of an index decide its elementary intervals.
+        laine_karras(index.reverse_bits(), self.shuffle).reverse_bits()
+    }
+}
+
 /// A padded, Owen-scrambled Sobol' sequence (Burley, "Practical Hash-based Owen Scrambling", JCGT 9(4), 2020).
 ///
 /// Any aligned block of 2^m indices is a (0, m, 2)-net in the first two dimensions of a set, so a pixel that
@@ -84,35 +125,26 @@ impl Sobol {
     /// Two coordinates of the point with `index` in set number `set`, each in `[0, 1)`.
     #[inline]
     pub fn sample_2d(&self, set: u32, index: u32) -> Vec2 {
-        let (shuffled, seeds) = self.shuffled(set, index);
-        Vec2::new(scrambled(shuffled, 0, seeds), scrambled(shuffled, 1, seeds))
+        self.set(set).sample_2d(index)
     }
 
     /// Four coordinates of the point with `index` in set number `set`, each in `[0, 1)`.
     #[inline]
     pub fn sample_4d(&self, set: u32, index: u32) -> [f32; 4] {
-        let (shuffled, seeds) = self.shuffled(set, index);
-        [
-            scrambled(shuffled, 0, seeds),
-            scrambled(shuffled, 1, seeds),
-            scrambled(shuffled, 2, seeds),
-            scrambled(shuffled, 3, seeds),
-        ]
+        self.set(set).sample_4d(index)
     }
 
     /// One coordinate of the point with `index` in set number `set`, in `[0, 1)`.
     #[inline]
     pub fn sample_1d(&self, set: u32, index: u32) -> f32 {
-        let (shuffled, seeds) = self.shuffled(set, index);
-        scrambled(shuffled, 0, seeds)
+        self.set(set).sample_1d(index)
     }
 
-    /// The index shuffled within its aligned blocks, and the seeds of the set's scrambles.
+    /// The set with this number, for callers that take many points of one.
     #[inline]
-    fn shuffled(&self, set: u32, index: u32) -> (u32, u64) {
-        let seeds = mix(self.seed ^ mix(u64::from(set).wrapping_add(0x51_7cc1_b727_220a)));
-        // Bit-reversed input and output: the low bits of an index decide its elementary intervals.
-        (laine_karras(index.reverse_bits(), seeds as u32).reverse_bits(), mix(seeds))
+    pub fn set(&self, number: u32) -> SobolSet {
+        let seeds = mix(self.seed ^ mix(u64::from(number).wrapping_add(0x51_7cc1_b727_220a)));
+        SobolSet { shuffle: seeds as u32, scrambles: mix(seeds) }
     }
 }
 

@@ -9,5 +9,5 @@ mod world;
 pub use material::Material;
 pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan};
 pub use render_space::RenderSpace;
-pub use surface::{HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
+pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
 pub use world::{Geometry, Mesh, Node, Scene, SceneParts, Surface};

@@ -4,7 +4,7 @@ use super::material::Material;
 use crate::bsdf::Bsdf;
 use crate::embree::SurfacePoint;
 use crate::math::rounding::UNIT_ROUNDOFF;
-use crate::math::{Frame, Ray, unit_f64};
+use crate::math::{Frame, Ray, Rgb, unit_f64};
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
 
 /// Geometry of a hit before anything is known of its material: a point, a normal, and how far a ray must start from
@@ -28,35 +28,17 @@ const SAFETY: f32 = 2.0;
 impl HitPoint {
     /// The point of a triangle with these barycentric coordinates of the second and third corner. `None` for a
     /// triangle without area.
-    ///
-    /// The offset bounds three errors, to first order in the unit roundoff `u`, component by component so that an
-    /// axis-aligned wall of any size has none in its plane:
-    ///
-    /// - the position is computed in `f32`: `u |p|` for the result, `3 u` of each edge for the way there;
-    /// - Embree moves corners to the ray's origin first: `u |v_k - p|` each, a few roundings in their product with
-    ///   the normal;
-    /// - and takes the normal from those moved corners: `u (|v - p|_j |e|_k + |v - p|_k |e|_j)` in component i.
     #[inline(always)]
     pub fn on_triangle(corners: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
-        let [v0, v1, v2] = corners;
-        let (v0, v1, v2) = (Vec3A::from_array(v0), Vec3A::from_array(v1), Vec3A::from_array(v2));
-        let (e1, e2) = (v1 - v0, v2 - v0);
-        let n = e1.cross(e2);
-        let length_squared = n.length_squared();
-        // Outside the range in which neither the cross product nor its square loses digits.
-        if !(1e-28..1e28).contains(&length_squared) {
+        let Some(point) = TrianglePoint::new(corners, uv) else {
             return Self::on_tiny_triangle(corners, uv);
-        }
-        let inverse_length = 1.0 / length_squared.sqrt();
-        let normal = n * inverse_length;
-        let position = v0 + e1 * uv[0] + e2 * uv[1];
-        let reach = (v0 - position).abs().max((v1 - position).abs()).max((v2 - position).abs());
-        let edge = e1.abs().max(e2.abs());
-        // Component i holds the products of j and k.
-        let tilt = (reach.yzx() * edge.zxy() + reach.zxy() * edge.yzx()).dot(reach) * inverse_length;
-        let error = position.abs() + 4.0 * reach + 3.0 * edge;
-        let offset = UNIT_ROUNDOFF * SAFETY * (normal.abs().dot(error) + 3.0 * tilt);
-        Some(Self { position: position.into(), normal: normal.into(), offset, uv: Vec2::from_array(uv) })
+        };
+        Some(Self {
+            position: point.position.into(),
+            normal: point.normal.into(),
+            offset: point.offset(),
+            uv: Vec2::from_array(uv),
+        })
     }
 
     /// [`Self::on_triangle`] where the area leaves the range of `f32`.
@@ -104,6 +86,86 @@ impl HitPoint {
     #[inline]
     pub fn moved_towards(&self, direction: Vec3) -> Vec3 {
         self.position + self.normal * self.offset.copysign(direction.dot(self.normal))
+    }
+}
+
+/// A point of a triangle in registers, and what its error bound is made of: only rays that start there need that.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TrianglePoint {
+    corners: [Vec3A; 3],
+    edges: [Vec3A; 2],
+    /// As in [`HitPoint`].
+    pub(super) position: Vec3A,
+    /// As in [`HitPoint`].
+    pub(super) normal: Vec3A,
+    /// Of the cross product of the edges.
+    inverse_length: f32,
+}
+
+impl TrianglePoint {
+    /// `None` outside the range in which neither the cross product of the edges nor its square loses digits.
+    #[inline(always)]
+    pub(super) fn new([v0, v1, v2]: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
+        let (v0, v1, v2) = (Vec3A::from_array(v0), Vec3A::from_array(v1), Vec3A::from_array(v2));
+        let (e1, e2) = (v1 - v0, v2 - v0);
+        let n = e1.cross(e2);
+        let length_squared = n.length_squared();
+        if !(1e-28..1e28).contains(&length_squared) {
+            return None;
+        }
+        let inverse_length = 1.0 / length_squared.sqrt();
+        let normal = n * inverse_length;
+        let position = v0 + e1 * uv[0] + e2 * uv[1];
+        Some(Self { corners: [v0, v1, v2], edges: [e1, e2], position, normal, inverse_length })
+    }
+
+    /// [`HitPoint::offset`]. Bounds three errors, to first order in the unit roundoff `u`, component by component so
+    /// that an axis-aligned wall of any size has none in its plane:
+    ///
+    /// - the position is computed in `f32`: `u |p|` for the result, `3 u` of each edge for the way there;
+    /// - Embree moves corners to the ray's origin first: `u |v_k - p|` each, a few roundings in their product with
+    ///   the normal;
+    /// - and takes the normal from those moved corners: `u (|v - p|_j |e|_k + |v - p|_k |e|_j)` in component i.
+    #[inline(always)]
+    pub(super) fn offset(&self) -> f32 {
+        let ([v0, v1, v2], [e1, e2], position) = (self.corners, self.edges, self.position);
+        let reach = (v0 - position).abs().max((v1 - position).abs()).max((v2 - position).abs());
+        let edge = e1.abs().max(e2.abs());
+        // Component i holds the products of j and k.
+        let tilt = (reach.yzx() * edge.zxy() + reach.zxy() * edge.yzx()).dot(reach) * self.inverse_length;
+        let error = position.abs() + 4.0 * reach + 3.0 * edge;
+        UNIT_ROUNDOFF * SAFETY * (self.normal.abs().dot(error) + 3.0 * tilt)
+    }
+}
+
+/// A hit on the reflecting side of a flat Lambert triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct DiffuseHit {
+    pub(super) point: TrianglePoint,
+    /// The geometric normal on the side the ray arrived from.
+    pub(super) facing: Vec3A,
+    /// Of the surface on that side; not black.
+    pub reflectance: Rgb,
+}
+
+impl DiffuseHit {
+    /// Position, rounded to `f32`.
+    #[inline]
+    pub fn position(&self) -> Vec3 {
+        self.point.position.into()
+    }
+
+    /// The unit geometric normal on the side the ray arrived from.
+    #[inline]
+    pub fn facing_normal(&self) -> Vec3 {
+        self.facing.into()
+    }
+
+    /// A ray from here in a unit `direction` on the side of the facing normal, as [`SurfaceInteraction::spawn`].
+    #[inline]
+    pub fn spawn(&self, direction: Vec3) -> Ray {
+        let origin = self.point.position + self.facing * self.point.offset();
+        Ray::new(origin.into(), direction)
     }
 }
 

@@ -2,13 +2,13 @@
 
 use super::material::Material;
 use super::render_space::RenderSpace;
-use super::surface::{HitPoint, Placement, Shading, SurfaceInteraction};
+use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
 use crate::lights::{Light, LightId};
 use crate::math::{Ray, unit};
 use crate::media::{AIR, Medium, MediumId};
 use crate::sampling::{Distribution1D, Sobol, warp};
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 use std::sync::Arc;
 
 /// Triangles with what shading needs beyond their corners.
@@ -229,6 +229,27 @@ impl Scene {
             }
         }
         self.general_interaction(ray, hit)
+    }
+
+    /// What a photon needs of its hit where that is as simple as most are: a flat triangle of a Lambert surface,
+    /// outside of instances and met on a side that reflects. `None` elsewhere, for [`Self::interaction`].
+    #[inline(always)]
+    pub fn diffuse_hit(&self, ray: &Ray, hit: &RawHit) -> Option<DiffuseHit> {
+        let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance) else {
+            return None;
+        };
+        let surface = &self.parts.surfaces[*index as usize];
+        let Geometry::Mesh(Mesh { buffers, normals: None }) = &surface.geometry else { return None };
+        let Material::Lambert { reflectance, two_sided } = self.parts.materials[surface.material as usize].1
+        else {
+            return None;
+        };
+        let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?;
+        let cosine = -point.normal.dot(Vec3A::from(ray.direction));
+        let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
+        let facing = if cosine > 0.0 { point.normal } else { -point.normal };
+        let is_plain = reflects && cosine != 0.0 && reflectance.max_element() > 0.0;
+        is_plain.then_some(DiffuseHit { point, facing, reflectance })
     }
 
     /// [`Self::interaction`] for procedural objects and instances.

@@ -48,6 +48,7 @@ impl Disc {
     }
 
     /// A point uniform over the area.
+    #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let d = square_to_disc(u).as_dvec2();
         // The f32 point may lie beyond the rim by its rounding.

@@ -42,6 +42,7 @@ impl EmitterShape {
     }
 
     /// A point uniform over the area.
+    #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         dispatch!(self, shape => shape.sample_area(u))
     }

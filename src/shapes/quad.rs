@@ -51,6 +51,7 @@ impl Quad {
     }
 
     /// A point uniform over the area.
+    #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let position = self.corner + f64::from(u.x) * self.edge_u + f64::from(u.y) * self.edge_v;
         AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area) as f32 }

@@ -39,6 +39,7 @@ impl Triangle {
     }
 
     /// A point uniform over the area.
+    #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let barycentric = square_to_triangle(u).as_dvec2();
         let position = self.corner + barycentric.x * self.edge_b + barycentric.y * self.edge_c;
