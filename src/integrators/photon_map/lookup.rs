@@ -1,0 +1,41 @@
+//! Reading the maps at a surface.
+
+use super::PhotonMapSettings;
+use crate::bsdf::Bsdf;
+use crate::integrators::Scratch;
+use crate::math::Rgb;
+use crate::photons::{EstimateParams, FEELERS, KernelDomain, PhotonMap, Query};
+use crate::scene::{Scene, Shading};
+use glam::Vec3;
+use std::f32::consts::FRAC_1_PI;
+
+/// Radiance that a surface reflects of the photons in a map.
+pub(super) fn reflected(
+    scene: &Scene,
+    reading: &PhotonMapSettings,
+    (map, query, params): (&PhotonMap, &Query, &EstimateParams),
+    shading: &Shading,
+    scratch: &mut Scratch,
+) -> Rgb {
+    let Scratch { photons, counters, .. } = scratch;
+    let domain = |radius| {
+        if !reading.visible_kernel {
+            return None;
+        }
+        counters.feelers += FEELERS as u64;
+        visible_domain(scene, query.position, query.normal, radius)
+    };
+    // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
+    if let Bsdf::Lambert(lambert) = shading.bsdf {
+        let irradiance = map.estimate_irradiance_visible(query, params, photons, domain).value;
+        return lambert.reflectance * irradiance * FRAC_1_PI;
+    }
+    let wo = shading.wo_local;
+    let f = |wi: Vec3| shading.bsdf.eval(wo, shading.frame.to_local(wi));
+    map.estimate_radiance_visible(query, params, photons, domain, f).value
+}
+
+/// The part of the disc of `radius` around a point that can be seen from its centre.
+pub fn visible_domain(scene: &Scene, position: Vec3, normal: Vec3, radius: f32) -> Option<KernelDomain> {
+    KernelDomain::feel(normal, radius, |tangent| scene.surface_reach(position, normal, tangent, radius))
+}

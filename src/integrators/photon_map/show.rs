@@ -1,0 +1,65 @@
+//! Maps shown directly.
+
+use super::lookup::reflected;
+use super::walk::walk_specular;
+use super::{PhotonMapSettings, PhotonMaps, Vertex};
+use crate::film::{Aov, PixelSample};
+use crate::integrators::{Integrator, Scratch};
+use crate::math::{Ray, Rgb};
+use crate::media::MediumId;
+use crate::sampling::SampleStream;
+use crate::scene::{MapKind, Scene};
+
+/// Shows one map at the first diffuse surface seen directly or through specular ones (figure 4 of Jensen 1996).
+#[derive(Debug)]
+pub struct ShowPhotons<'a> {
+    scene: &'a Scene,
+    maps: &'a PhotonMaps,
+    kind: MapKind,
+    settings: PhotonMapSettings,
+    camera_medium: MediumId,
+}
+
+impl<'a> ShowPhotons<'a> {
+    /// Shows the map of this kind.
+    pub fn new(
+        scene: &'a Scene,
+        maps: &'a PhotonMaps,
+        kind: MapKind,
+        settings: PhotonMapSettings,
+        camera_medium: MediumId,
+    ) -> Self {
+        Self { scene, maps, kind, settings, camera_medium }
+    }
+
+    fn shade(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Aov, Rgb) {
+        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
+        let (map, query, params, aov) = match self.kind {
+            MapKind::Global => {
+                let query = self.settings.global_query(position, normal);
+                (&self.maps.global, query, &self.settings.global, Aov::Indirect)
+            }
+            MapKind::Caustic => {
+                let query = self.settings.caustic_query(position, normal);
+                (&self.maps.caustic, query, &self.settings.caustic, Aov::Caustics)
+            }
+        };
+        let Some(map) = map else { return (aov, Rgb::ZERO) };
+        if !vertex.shading.bsdf.has_diffuse() {
+            return (aov, Rgb::ZERO);
+        }
+        match self.kind {
+            MapKind::Global => scratch.counters.global_lookups += 1,
+            MapKind::Caustic => scratch.counters.caustic_lookups += 1,
+        }
+        (aov, reflected(self.scene, &self.settings, (map, &query, params), vertex.shading, scratch))
+    }
+}
+
+impl Integrator for ShowPhotons<'_> {
+    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
+        walk_specular(self.scene, ray, self.camera_medium, self.settings.max_depth, samples, scratch, &mut {
+            |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]
+        })
+    }
+}
