@@ -1,6 +1,7 @@
 //! What a scene file says, before anything is built of it: plain data in `f64`, metres and watts, each part with
 //! the place in the file it came from.
 
+use super::generate::Generator;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
 use glam::{DAffine3, DMat3, DVec3};
@@ -257,6 +258,8 @@ pub enum GeometryDescription {
         /// Shading normals.
         normals: MeshNormals,
     },
+    /// Triangles made when the scene is built.
+    Generated(Generator),
     /// A parallelogram `corner + s edge_u + t edge_v`; normal along `edge_u x edge_v`.
     Quad {
         /// Corner at `s = t = 0`.

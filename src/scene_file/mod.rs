@@ -4,6 +4,7 @@
 mod build;
 mod description;
 mod diagnostic;
+pub mod generate;
 mod hash;
 pub mod mesh;
 mod parameters;

@@ -61,6 +61,7 @@ impl Source {
                 choose_normals(&mut mesh, *normals);
                 Self::Mesh(mesh)
             }
+            GeometryDescription::Generated(generator) => Self::Mesh(generator.mesh()),
             &GeometryDescription::Quad { corner, edge_u, edge_v } => Self::Quad { corner, edge_u, edge_v },
             &GeometryDescription::Sphere { center, radius } => Self::Sphere { center, radius },
             &GeometryDescription::Cylinder { base, top, radius } => Self::Cylinder { base, top, radius },

@@ -1,5 +1,6 @@
 //! The text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
 
+mod generate;
 mod lights;
 mod materials;
 mod names;

@@ -1,5 +1,6 @@
 //! `[[shapes]]` and `[[instances]]`.
 
+use super::generate::{read_lathe, read_teapot};
 use super::names::Names;
 use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
@@ -29,6 +30,8 @@ enum Kind {
     Sphere,
     Cylinder,
     Disc,
+    Lathe,
+    Teapot,
 }
 
 const KINDS: &[(&str, Kind)] = &[
@@ -37,6 +40,8 @@ const KINDS: &[(&str, Kind)] = &[
     ("sphere", Kind::Sphere),
     ("cylinder", Kind::Cylinder),
     ("disc", Kind::Disc),
+    ("lathe", Kind::Lathe),
+    ("teapot", Kind::Teapot),
 ];
 
 pub(super) fn read_shapes(tables: Vec<Table<'_>>, materials: &Names, unit: f64) -> Shapes {
@@ -78,6 +83,8 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         Kind::Sphere => read_sphere(&mut table),
         Kind::Cylinder => read_cylinder(&mut table),
         Kind::Disc => read_disc(&mut table),
+        Kind::Lathe => read_lathe(&mut table),
+        Kind::Teapot => read_teapot(&mut table),
     };
     let transform = transform_of(&mut table);
     let flip_normal = table.or("flip-normal", false, |value| value.boolean());
