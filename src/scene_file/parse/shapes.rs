@@ -293,10 +293,49 @@ pub(super) fn read_instances(
         let location = table.location();
         let group = table.required("group", "\"NAME\"", |value| groups.find(value));
         let transform = transform_of(&mut table);
+        let offsets = table.or("repeat", vec![DVec3::ZERO], read_repeat);
         table.finish();
-        let (Some(name), Some(group), Some(transform)) = (name, group, transform) else { continue };
-        let value = InstanceDescription { group, transform: in_metres(transform, unit) };
-        instances.push(Named { name, location, value });
+        let (Some(name), Some(group), Some(transform), Some(offsets)) = (name, group, transform, offsets)
+        else {
+            continue;
+        };
+        for (number, offset) in offsets.iter().enumerate() {
+            // The name of the first is that of the table.
+            let name = if number == 0 { name.clone() } else { format!("{name} #{}", number + 1) };
+            let transform = in_metres(DAffine3::from_translation(*offset) * transform, unit);
+            let value = InstanceDescription { group, transform };
+            instances.push(Named { name, location: location.clone(), value });
+        }
     }
     instances
+}
+
+/// Copies that one `[[instances]]` may stand for.
+const MOST_COPIES: u64 = 1_000_000;
+
+/// Where the copies of an instance stand relative to the first, x fastest; lengths in the file's unit.
+fn read_repeat(value: Value<'_>) -> Option<Vec<DVec3>> {
+    const EXAMPLE: &str = "write for example `repeat = { count = [4, 1, 3], step = [1.0, 0.0, 2.0] }`";
+    let mut table = value.table("`repeat`", EXAMPLE)?;
+    let count = table.required("count", "[4, 1, 3]", |value| {
+        let counts: Vec<_> = value.list("three counts, along x, y and z", "[4, 1, 3]")?.collect();
+        let [x, y, z] = counts.as_slice() else {
+            return value.refuse("three counts, along x, y and z", EXAMPLE);
+        };
+        let [x, y, z] = [x, y, z].map(|count| count.integer(1..=MOST_COPIES));
+        let count = [x?, y?, z?];
+        if count.iter().product::<u64>() > MOST_COPIES {
+            return value.refuse(&format!("at most {MOST_COPIES} copies in all"), "ask for fewer copies");
+        }
+        Some(count)
+    });
+    let step = table.required("step", "[1.0, 0.0, 2.0]", |value| value.vector(&NUMBER));
+    table.finish();
+    let ([nx, ny, nz], step) = (count?, step?);
+    let along = move |n: u64| (0..n).map(|i| i as f64);
+    Some(
+        along(nz)
+            .flat_map(|z| along(ny).flat_map(move |y| along(nx).map(move |x| DVec3::new(x, y, z) * step)))
+            .collect(),
+    )
 }

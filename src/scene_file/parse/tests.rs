@@ -129,6 +129,59 @@ type = "environment"
 radiance = 0.5
 "#;
 
+/// A scene with one material and this text after it.
+fn with_white(rest: &str) -> String {
+    format!("[materials.w]\ntype = \"lambert\"\nreflectance = 0.5\n{rest}")
+}
+
+#[test]
+fn one_instance_stands_for_many() {
+    let ball = "[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"w\"\ngroup = \"g\"\n[[instances]]\ngroup = \"g\"\n";
+    let text = with_white(&format!(
+        "{ball}name = \"row\"\ntransform = [{{ translate = [1, 0, 0] }}]\nrepeat = {{ count = [3, 1, 2], step = [10, 5, -1] }}"
+    ));
+    let scene = parse(&text).unwrap();
+    let places: Vec<_> = scene.instances.iter().map(|i| i.value.transform.translation.to_array()).collect();
+    let row = |z: f64| [1.0, 11.0, 21.0].map(|x| [x, 0.0, z]);
+    assert_eq!(places, [row(0.0), row(-1.0)].concat());
+    assert_eq!(scene.instances[0].name, "row");
+    assert_eq!(scene.instances[5].name, "row #6");
+    for bad in [
+        "{ count = [0, 1, 1], step = [1, 1, 1] }",
+        "{ count = [2, 1], step = [1, 1, 1] }",
+        "{ count = [1000, 1000, 1000], step = [1, 1, 1] }",
+        "{ count = [2, 1, 1] }",
+    ] {
+        assert!(parse(&with_white(&format!("{ball}repeat = {bad}"))).is_err(), "{bad}");
+    }
+}
+
+#[test]
+fn lathes_and_teapots() {
+    let shape = |rest: &str| with_white(&format!("[[shapes]]\nmaterial = \"w\"\n{rest}"));
+    let good = [
+        "type = \"lathe\"\nprofile = [[1, 0], [1, 2]]",
+        "type = \"lathe\"\nprofile = [[0, 0], [1, 2], [1, 2], [0, 3]]\ncurve = \"smooth\"\nsteps = 2\nsegments = 5",
+        "type = \"teapot\"\ndivisions = 3",
+    ];
+    for text in good {
+        parse(&shape(text)).unwrap();
+    }
+    let bad = [
+        "type = \"lathe\"",
+        "type = \"lathe\"\nprofile = [[1, 0]]",
+        "type = \"lathe\"\nprofile = [[-1, 0], [1, 2]]",
+        "type = \"lathe\"\nprofile = [[0, 0], [0, 2]]",
+        "type = \"lathe\"\nprofile = [[1, 0], [1, 0]]",
+        "type = \"lathe\"\nprofile = [[1, 0, 0], [1, 2, 0]]",
+        "type = \"lathe\"\nprofile = [[1, 0], [1, 2]]\nsegments = 2",
+        "type = \"teapot\"\ndivisions = 10000",
+    ];
+    for text in bad {
+        assert!(parse(&shape(text)).is_err(), "{text}");
+    }
+}
+
 #[test]
 fn a_file_that_says_everything() {
     let scene = parse(GOOD).unwrap();
