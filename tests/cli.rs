@@ -175,8 +175,16 @@ fn wrong_outputs_are_told_before_rendering() {
     let folder = folder();
     let spheres = spheres();
     fs::create_dir(folder.path().join("taken.exr")).unwrap();
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("/dev/full", folder.path().join("full.exr")).unwrap();
+        std::os::unix::fs::symlink("nowhere/a.png", folder.path().join("lost.png")).unwrap();
+    }
     for (name, parts) in [
-        ("nowhere/a.exr", ["nowhere", "no folder"]),
+        ("nowhere/a.exr", ["nowhere", "does not exist"]),
+        ("/proc/a.exr", ["/proc/a.exr", "takes no new files"]),
+        ("full.exr", ["full.exr", "device"]),
+        ("lost.png", ["lost.png", "folder that does not exist"]),
         ("a.jpg", ["a.jpg", ".exr or .png"]),
         ("a", ["a", ".exr or .png"]),
         ("taken.exr", ["taken.exr", "folder"]),
@@ -185,19 +193,20 @@ fn wrong_outputs_are_told_before_rendering() {
         let args = ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "--quiet", "-o", name];
         assert_fails(&folder, &args, 1, &parts);
     }
-    let stats = [
-        "render",
-        &spheres,
-        "--spp",
-        "4096",
-        "--time-limit",
-        "30s",
-        "-o",
-        "a.exr",
-        "--stats",
-        "nowhere/s.json",
-    ];
-    assert_fails(&folder, &stats, 1, &["nowhere", "no folder"]);
+    let scene = folder.path().join("scene.toml");
+    fs::copy(&spheres, &scene).unwrap();
+    for (stats, parts) in [
+        ("nowhere/s.json", ["nowhere", "does not exist"]),
+        ("/dev/full", ["/dev/full", "device"]),
+        // The statistics in the place of a picture, or of the scene.
+        ("a.exr", ["a.exr", "would overwrite"]),
+        ("./a.png", ["a.png", "would overwrite"]),
+        ("scene.toml", ["scene.toml", "would overwrite"]),
+    ] {
+        let args = ["render", "scene.toml", "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--stats", stats];
+        assert_fails(&folder, &args, 1, &parts);
+    }
+    assert_eq!(fs::read(&scene).unwrap(), fs::read(&spheres).unwrap());
     let crop =
         ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--crop", "0,0,257,256"];
     assert_fails(&folder, &crop, 1, &["0,0 to 257,256", "256 x 256"]);
@@ -348,6 +357,10 @@ fn compare_runs() {
     assert!(table.contains("relmse") && table.contains("reference-2.exr"), "{table}");
     assert_eq!(names_in(folder.path()), ["map.png"]);
     assert_fails(&folder, &["compare", &first, "gone.exr"], 1, &["gone.exr"]);
+    let map = fs::read(folder.path().join("map.png")).unwrap();
+    let over = ["compare", &first, "map.png", "--difference", "./map.png"];
+    assert_fails(&folder, &over, 1, &["map.png", "would overwrite"]);
+    assert_eq!(fs::read(folder.path().join("map.png")).unwrap(), map);
     assert_fails(&folder, &["compare", &first, &second, "--aov", "caustics"], 1, &["caustics", "it has"]);
     run(&folder, &render_args(&spheres(), &["-o", "small.exr"]));
     assert_fails(&folder, &["compare", &first, "small.exr"], 1, &["small.exr", "24"]);
@@ -416,12 +429,12 @@ impl Long {
 #[cfg(unix)]
 #[test]
 fn signals_stop_with_a_picture() {
-    for name in ["INT", "TERM"] {
+    for (name, exit) in [("INT", 130), ("TERM", 143)] {
         let mut long = Long::start(&[]);
         std::thread::sleep(Duration::from_secs(3));
         long.signal(name);
         let (code, message) = long.wait();
-        assert_eq!(code, Some(130), "{name}: {message}");
+        assert_eq!(code, Some(exit), "{name}: {message}");
         assert!(message.contains("stopping; what is there will be written"), "{message}");
         long.assert_written(&message);
     }
