@@ -203,13 +203,50 @@ fn wrong_outputs_are_told_before_rendering() {
         ("./a.png", ["a.png", "would overwrite"]),
         ("scene.toml", ["scene.toml", "would overwrite"]),
     ] {
-        let args = ["render", "scene.toml", "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--stats", stats];
+        let args =
+            ["render", "scene.toml", "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--stats", stats];
         assert_fails(&folder, &args, 1, &parts);
     }
     assert_eq!(fs::read(&scene).unwrap(), fs::read(&spheres).unwrap());
     let crop =
         ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--crop", "0,0,257,256"];
     assert_fails(&folder, &crop, 1, &["0,0 to 257,256", "256 x 256"]);
+}
+
+/// A machine without OpenImageIO: scenes are read, and a render stops at once.
+#[cfg(unix)]
+#[test]
+fn a_missing_library_is_told_before_rendering() {
+    let folder = folder();
+    // What the loader finds first is no library.
+    for version in ["2.4", "2.5", "3.0", "3.1", "3.2"] {
+        fs::write(folder.path().join(format!("libOpenImageIO.so.{version}")), "none").unwrap();
+    }
+    let run = |args: &[&str]| {
+        let mut command = program();
+        command.current_dir(folder.path()).env("LD_LIBRARY_PATH", folder.path()).args(args).output().unwrap()
+    };
+    let before = names_in(folder.path());
+    let start = Instant::now();
+    let output = run(&[
+        "render",
+        &spheres(),
+        "--integrator",
+        "path",
+        "--spp",
+        "1000000",
+        "-o",
+        "a.exr",
+        "--time-limit",
+        "30s",
+    ]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("OpenImageIO cannot be loaded") && message.contains("install it"), "{message}");
+    assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+    assert_eq!(names_in(folder.path()), before);
+    assert_eq!(run(&["compare", "a.exr", "b.exr"]).status.code(), Some(1));
+    assert_eq!(run(&["info", &spheres()]).status.code(), Some(0));
 }
 
 #[test]

@@ -59,7 +59,9 @@ pub fn load_failure() -> Option<&'static str> {
 
 fn load() -> Result<Shim, String> {
     // A file in memory needs no folder; a system may forbid to run one, as it may for the folder of temporary files.
-    in_memory().or_else(|first| in_folder().map_err(|second| format!("{first}; {second}")))
+    in_memory().or_else(|first| {
+        in_folder().map_err(|second| if first == second { first } else { format!("{first}; {second}") })
+    })
 }
 
 fn in_memory() -> Result<Shim, String> {

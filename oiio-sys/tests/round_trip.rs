@@ -39,7 +39,15 @@ fn write(file: &File, spec: *const OiioSpec, pixels: &[f32]) -> Result<(), (i32,
     // SAFETY: a live description, and a buffer of its size.
     let written = unsafe {
         let format = c"openexr".as_ptr();
-        shim().oiio_write(file.as_raw_fd(), format, spec, &raw const layer, 1, OIIO_FORMAT_FLOAT, &raw mut error)
+        shim().oiio_write(
+            file.as_raw_fd(),
+            format,
+            spec,
+            &raw const layer,
+            1,
+            OIIO_FORMAT_FLOAT,
+            &raw mut error,
+        )
     };
     if written { Ok(()) } else { Err(reason(&error)) }
 }

@@ -88,10 +88,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         .build()
         .context("cannot start the threads")?;
     let outputs = Outputs::new(args)?;
-    let _library = Loading::start();
     let console = Console::new(args.quiet, args.time_limit);
     pool.install(|| {
         let loaded = load(&args.scene)?;
+        // Only now: Embree's threads ask the loader for something too, and would have to wait for this.
+        let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
         let rendered = render(&loaded.built.scene, &loaded.built.camera, &request, &console);
@@ -123,7 +124,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     })
 }
 
-/// OpenImageIO on its way into memory while the scene is read and rendered.
+/// OpenImageIO on its way into memory while the scene is rendered.
 struct Loading(Option<JoinHandle<()>>);
 
 impl Loading {

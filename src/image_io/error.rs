@@ -105,7 +105,8 @@ fn write_remedy(path: &Path, cause: &io::Error) -> String {
     };
     match cause.kind() {
         ErrorKind::NotFound if path.is_symlink() => {
-            "it is a symbolic link into a folder that does not exist; create that, or remove the link".to_owned()
+            "it is a symbolic link into a folder that does not exist; create that, or remove the link"
+                .to_owned()
         }
         // A folder of the system's own, as /proc is.
         ErrorKind::NotFound if folder_of(path).is_dir() => {

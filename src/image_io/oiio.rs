@@ -280,8 +280,9 @@ impl Input {
         pixels.resize(length, 0.0);
         let mut error = Failure::empty();
         // SAFETY: the input is live, and the shim writes no more than the length that it is told.
-        let read =
-            unsafe { self.shim.oiio_input_read(self.input.as_ptr(), pixels.as_mut_ptr(), length, &raw mut error) };
+        let read = unsafe {
+            self.shim.oiio_input_read(self.input.as_ptr(), pixels.as_mut_ptr(), length, &raw mut error)
+        };
         if read { Ok(pixels) } else { Err(Failure::from_shim(&error)) }
     }
 }
