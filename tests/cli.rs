@@ -103,6 +103,8 @@ fn wrong_command_lines() {
         (["--no-such-option", "1"], ["--no-such-option", "--help"]),
         (["--spp", "0"], ["--spp", "0"]),
         (["--spp", "many"], ["--spp", "many"]),
+        (["--spp", "1.5"], ["1.5", "write 2"]),
+        (["--global-photons", "1e400"], ["1e400", "500k"]),
         (["--resolution", "0x5"], ["--resolution", "WIDTHxHEIGHT"]),
         (["--resolution", "640"], ["640", "WIDTHxHEIGHT"]),
         (["--crop", "1,2,3"], ["--crop", "X0,Y0,X1,Y1"]),
@@ -161,6 +163,21 @@ fn wrong_scenes() {
         fs::write(folder.path().join(name), text).unwrap();
         assert_fails(&folder, &render_args(name, &[]), 1, &parts);
     }
+    let emitter = |faces: &str| {
+        format!(
+            "[[shapes]]\ntype = \"mesh\"\nname = \"lamp\"\nmaterial = \"m\"\nemission = {{ radiance = 1.0 }}\n\
+             vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1000, 0, 0], [1000.0000000001, 0, 0], [1000, 1e-9, 0]]\n\
+             faces = {faces}\n[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n"
+        )
+    };
+    // A lamp that rounding leaves nothing of is an error; one that loses a part, a warning.
+    fs::write(folder.path().join("lost.toml"), emitter("[[3, 4, 5]]")).unwrap();
+    assert_fails(&folder, &["info", "lost.toml"], 1, &["lost.toml:1:", "lamp", "none of its 1 triangle"]);
+    fs::write(folder.path().join("part.toml"), emitter("[[0, 1, 2], [3, 4, 5]]")).unwrap();
+    let output = run(&folder, &["info", "part.toml"]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(message.contains("part.toml:1:") && message.contains("lamp: 1 of the 2 triangles"), "{message}");
     fs::write(folder.path().join("binary.toml"), [0xff, 0xfe, 0x00, 0x41]).unwrap();
     assert_fails(&folder, &render_args("binary.toml", &[]), 1, &["binary.toml", "UTF-8"]);
     // Parameters: unknown ones with the nearest name, bad values with the place.

@@ -196,7 +196,7 @@ fn domes() {
         [("[0, 0, 0]", ""), ("[2.95, 1.95, -1.9]", ""), ("[0, 0, 0]", ", two-sided = true")]
     {
         let sphere = format!(
-            "type = \"sphere\"\ncenter = {center}\nradius = 4.01{}",
+            "type = \"sphere\"\ncenter = {center}\nradius = 4.05{}",
             if extra.is_empty() { "\nflip-normal = true" } else { "" }
         );
         let light = emitter(&sphere, extra);
