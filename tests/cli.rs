@@ -103,6 +103,8 @@ fn wrong_command_lines() {
         (["--no-such-option", "1"], ["--no-such-option", "--help"]),
         (["--spp", "0"], ["--spp", "0"]),
         (["--spp", "many"], ["--spp", "many"]),
+        (["--spp", "1.5"], ["1.5", "write 2"]),
+        (["--global-photons", "1e400"], ["1e400", "500k"]),
         (["--resolution", "0x5"], ["--resolution", "WIDTHxHEIGHT"]),
         (["--resolution", "640"], ["640", "WIDTHxHEIGHT"]),
         (["--crop", "1,2,3"], ["--crop", "X0,Y0,X1,Y1"]),
@@ -161,6 +163,21 @@ fn wrong_scenes() {
         fs::write(folder.path().join(name), text).unwrap();
         assert_fails(&folder, &render_args(name, &[]), 1, &parts);
     }
+    let emitter = |faces: &str| {
+        format!(
+            "[[shapes]]\ntype = \"mesh\"\nname = \"lamp\"\nmaterial = \"m\"\nemission = {{ radiance = 1.0 }}\n\
+             vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1000, 0, 0], [1000.0000000001, 0, 0], [1000, 1e-9, 0]]\n\
+             faces = {faces}\n[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n"
+        )
+    };
+    // A lamp that rounding leaves nothing of is an error; one that loses a part, a warning.
+    fs::write(folder.path().join("lost.toml"), emitter("[[3, 4, 5]]")).unwrap();
+    assert_fails(&folder, &["info", "lost.toml"], 1, &["lost.toml:1:", "lamp", "none of its 1 triangle"]);
+    fs::write(folder.path().join("part.toml"), emitter("[[0, 1, 2], [3, 4, 5]]")).unwrap();
+    let output = run(&folder, &["info", "part.toml"]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(message.contains("part.toml:1:") && message.contains("lamp: 1 of the 2 triangles"), "{message}");
     fs::write(folder.path().join("binary.toml"), [0xff, 0xfe, 0x00, 0x41]).unwrap();
     assert_fails(&folder, &render_args("binary.toml", &[]), 1, &["binary.toml", "UTF-8"]);
     // Parameters: unknown ones with the nearest name, bad values with the place.
@@ -175,8 +192,16 @@ fn wrong_outputs_are_told_before_rendering() {
     let folder = folder();
     let spheres = spheres();
     fs::create_dir(folder.path().join("taken.exr")).unwrap();
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("/dev/full", folder.path().join("full.exr")).unwrap();
+        std::os::unix::fs::symlink("nowhere/a.png", folder.path().join("lost.png")).unwrap();
+    }
     for (name, parts) in [
-        ("nowhere/a.exr", ["nowhere", "no folder"]),
+        ("nowhere/a.exr", ["nowhere", "does not exist"]),
+        ("/proc/a.exr", ["/proc/a.exr", "takes no new files"]),
+        ("full.exr", ["full.exr", "device"]),
+        ("lost.png", ["lost.png", "folder that does not exist"]),
         ("a.jpg", ["a.jpg", ".exr or .png"]),
         ("a", ["a", ".exr or .png"]),
         ("taken.exr", ["taken.exr", "folder"]),
@@ -185,22 +210,60 @@ fn wrong_outputs_are_told_before_rendering() {
         let args = ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "--quiet", "-o", name];
         assert_fails(&folder, &args, 1, &parts);
     }
-    let stats = [
-        "render",
-        &spheres,
-        "--spp",
-        "4096",
-        "--time-limit",
-        "30s",
-        "-o",
-        "a.exr",
-        "--stats",
-        "nowhere/s.json",
-    ];
-    assert_fails(&folder, &stats, 1, &["nowhere", "no folder"]);
+    let scene = folder.path().join("scene.toml");
+    fs::copy(&spheres, &scene).unwrap();
+    for (stats, parts) in [
+        ("nowhere/s.json", ["nowhere", "does not exist"]),
+        ("/dev/full", ["/dev/full", "device"]),
+        // The statistics in the place of a picture, or of the scene.
+        ("a.exr", ["a.exr", "would overwrite"]),
+        ("./a.png", ["a.png", "would overwrite"]),
+        ("scene.toml", ["scene.toml", "would overwrite"]),
+    ] {
+        let args =
+            ["render", "scene.toml", "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--stats", stats];
+        assert_fails(&folder, &args, 1, &parts);
+    }
+    assert_eq!(fs::read(&scene).unwrap(), fs::read(&spheres).unwrap());
     let crop =
         ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--crop", "0,0,257,256"];
     assert_fails(&folder, &crop, 1, &["0,0 to 257,256", "256 x 256"]);
+}
+
+/// A machine without OpenImageIO: scenes are read, and a render stops at once.
+#[cfg(unix)]
+#[test]
+fn a_missing_library_is_told_before_rendering() {
+    let folder = folder();
+    // What the loader finds first is no library.
+    for version in ["2.4", "2.5", "3.0", "3.1", "3.2"] {
+        fs::write(folder.path().join(format!("libOpenImageIO.so.{version}")), "none").unwrap();
+    }
+    let run = |args: &[&str]| {
+        let mut command = program();
+        command.current_dir(folder.path()).env("LD_LIBRARY_PATH", folder.path()).args(args).output().unwrap()
+    };
+    let before = names_in(folder.path());
+    let start = Instant::now();
+    let output = run(&[
+        "render",
+        &spheres(),
+        "--integrator",
+        "path",
+        "--spp",
+        "1000000",
+        "-o",
+        "a.exr",
+        "--time-limit",
+        "30s",
+    ]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("OpenImageIO cannot be loaded") && message.contains("install it"), "{message}");
+    assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+    assert_eq!(names_in(folder.path()), before);
+    assert_eq!(run(&["compare", "a.exr", "b.exr"]).status.code(), Some(1));
+    assert_eq!(run(&["info", &spheres()]).status.code(), Some(0));
 }
 
 #[test]
@@ -348,6 +411,10 @@ fn compare_runs() {
     assert!(table.contains("relmse") && table.contains("reference-2.exr"), "{table}");
     assert_eq!(names_in(folder.path()), ["map.png"]);
     assert_fails(&folder, &["compare", &first, "gone.exr"], 1, &["gone.exr"]);
+    let map = fs::read(folder.path().join("map.png")).unwrap();
+    let over = ["compare", &first, "map.png", "--difference", "./map.png"];
+    assert_fails(&folder, &over, 1, &["map.png", "would overwrite"]);
+    assert_eq!(fs::read(folder.path().join("map.png")).unwrap(), map);
     assert_fails(&folder, &["compare", &first, &second, "--aov", "caustics"], 1, &["caustics", "it has"]);
     run(&folder, &render_args(&spheres(), &["-o", "small.exr"]));
     assert_fails(&folder, &["compare", &first, "small.exr"], 1, &["small.exr", "24"]);
@@ -416,12 +483,12 @@ impl Long {
 #[cfg(unix)]
 #[test]
 fn signals_stop_with_a_picture() {
-    for name in ["INT", "TERM"] {
+    for (name, exit) in [("INT", 130), ("TERM", 143)] {
         let mut long = Long::start(&[]);
         std::thread::sleep(Duration::from_secs(3));
         long.signal(name);
         let (code, message) = long.wait();
-        assert_eq!(code, Some(130), "{name}: {message}");
+        assert_eq!(code, Some(exit), "{name}: {message}");
         assert!(message.contains("stopping; what is there will be written"), "{message}");
         long.assert_written(&message);
     }

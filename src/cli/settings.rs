@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct SettingsArgs {
-    /// Preset that all other settings start from.
+    /// Preset that all other settings start from. Each takes several times as long as the one before.
     #[arg(long, value_enum)]
     quality: Option<QualityArg>,
 
@@ -24,28 +24,30 @@ pub(crate) struct SettingsArgs {
     #[arg(long)]
     seed: Option<u64>,
 
-    /// Camera samples per pixel.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Camera samples per pixel. Time in proportion; noise falls with the root.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     spp: Option<u32>,
 
-    /// Photons in the global map; the caustic map keeps its ratio to it.
-    #[arg(long, value_name = "N")]
+    /// Photons in the global map; the caustic map keeps its ratio to it. 21 bytes each; time in proportion.
+    ///
+    /// Counts may be written 500000, 500_000, 500k, 0.5M or 5e5, here and in all options below.
+    #[arg(long, value_name = "N", value_parser = count)]
     photons: Option<u64>,
 
     /// Photons in the global map alone.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     global_photons: Option<u64>,
 
     /// Photons in the caustic map.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     caustic_photons: Option<u64>,
 
-    /// Photons in an estimate from the global map.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Photons in an estimate from the global map. More: smoother, blurred wider, slower.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     global_nearest: Option<u32>,
 
-    /// Photons in an estimate from the caustic map.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Photons in an estimate from the caustic map. More: smoother, blurred wider, slower.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     caustic_nearest: Option<u32>,
 
     /// Kernel of caustic estimates.
@@ -64,25 +66,60 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_enum)]
     search: Option<SearchArg>,
 
-    /// Final gather rays per camera sample.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Final gather rays per camera sample: less noise in indirect light, and most of the time of many scenes.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     gather_samples: Option<u32>,
 
-    /// Whether gather rays read irradiance precomputed at the photons.
+    /// Whether gather rays read irradiance precomputed at the photons: much faster than an estimate for each of them.
     #[arg(long, value_name = "BOOL")]
     precomputed_irradiance: Option<bool>,
 
-    /// Shadow rays per light and camera sample.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Shadow rays per light and camera sample: less noise in soft shadows.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     light_samples: Option<u32>,
 
     /// Whether estimates leave out what cannot be seen from their centre (not by default with `as-printed`).
     #[arg(long, value_name = "BOOL")]
     visible_kernel: Option<bool>,
 
-    /// Longest path, in surfaces.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Longest path, in surfaces; what is cut off is counted, and told where it matters.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     max_depth: Option<u32>,
+}
+
+/// A whole number, as people write large ones: `500000`, `500_000`, `500k`, `0.5M` or `5e5`.
+fn count(text: &str) -> Result<u64, String> {
+    let message = || "write a whole number, for example 500000, 500k, 1.5M or 5e5".to_owned();
+    let plain = text.replace('_', "");
+    if let Ok(number) = plain.parse() {
+        return Ok(number);
+    }
+    // As a power of ten in the text, so that the number is rounded once, from what was written.
+    let written = match plain.strip_suffix(['k', 'K']).map(|rest| (rest, 3)).or_else(|| {
+        let million = plain.strip_suffix('M').map(|rest| (rest, 6));
+        million.or_else(|| plain.strip_suffix('G').map(|rest| (rest, 9)))
+    }) {
+        Some((rest, power)) => format!("{rest}e{power}"),
+        None => plain,
+    };
+    /// From here on an `f64` has not every whole number.
+    const LIMIT: f64 = 9_007_199_254_740_992.0;
+    match written.parse::<f64>() {
+        Ok(number) if number.fract() == 0.0 && (0.0..LIMIT).contains(&number) => Ok(number as u64),
+        Ok(number) if number > 0.0 && number.fract() != 0.0 => {
+            Err(format!("{number} is not a whole number; write {:.0}", number.ceil()))
+        }
+        _ => Err(message()),
+    }
+}
+
+/// [`count`] from 1 to the largest `u32`.
+fn count_from_one(text: &str) -> Result<u32, String> {
+    match u32::try_from(count(text)?) {
+        Ok(0) => Err("must be at least 1".to_owned()),
+        Ok(number) => Ok(number),
+        Err(_) => Err(format!("must be at most {}", u32::MAX)),
+    }
 }
 
 fn cone_constant(text: &str) -> Result<f32, String> {
@@ -212,4 +249,34 @@ enum SearchArg {
     Sphere,
     /// A sphere flattened along the normal (the default).
     Disc,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_as_people_write_them() {
+        for (text, number) in [
+            ("0", 0),
+            ("1e6", 1_000_000),
+            ("2.5e5", 250_000),
+            ("200_000", 200_000),
+            ("500k", 500_000),
+            ("2.3k", 2300),
+            ("1.1M", 1_100_000),
+            ("0.3G", 300_000_000),
+            ("18446744073709551615", u64::MAX),
+        ] {
+            assert_eq!(count(text), Ok(number), "{text}");
+        }
+        for text in ["", "-1", "-1e3", "1e", "k", "1e400", "nan", "inf", "1e17", "many", "1m", "5 000"] {
+            assert!(count(text).is_err_and(|message| message.contains("5e5")), "{text}");
+        }
+        assert!(count("2.5").is_err_and(|message| message.contains("write 3")));
+        assert!(count("0.0005k").is_err());
+        assert!(count_from_one("0").is_err_and(|message| message.contains("at least 1")));
+        assert!(count_from_one("5G").is_err_and(|message| message.contains("at most")));
+        assert_eq!(count_from_one("4e9"), Ok(4_000_000_000));
+    }
 }

@@ -4,7 +4,7 @@ use super::Counters;
 use crate::lights::{Light, LightId};
 use crate::math::Rgb;
 use crate::media::MediumId;
-use crate::sampling::{ONE_MINUS_EPSILON, SampleStream, Splits};
+use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 use glam::Vec2;
 
@@ -49,7 +49,7 @@ impl<'a> DirectLighting<'a> {
             let choices: Splits = samples.splits(self.samples);
             let splits = samples.splits(self.samples);
             for i in 0..self.samples {
-                let (index, probability, _) = power.sample(choices.get(i).x.min(ONE_MINUS_EPSILON));
+                let (index, probability, _) = power.sample(refined(choices.get(i)));
                 let light = &self.scene.lights()[index];
                 sum += self.sample_light(hit, shading, medium, light, (probability, splits.get(i)), counters);
             }

@@ -137,7 +137,7 @@ impl Light {
     /// sample is unbounded.
     pub fn needs_bsdf_sampling(&self) -> bool {
         match self {
-            Self::Area(area) => !area.is_sampled_by_solid_angle(),
+            Self::Area(area) => area.needs_bsdf_sampling(),
             Self::Point(_) | Self::Directional(_) => false,
             Self::Environment(_) => true,
         }

@@ -41,9 +41,12 @@ impl Distribution1D {
 
     /// An index with probability proportional to its weight, for `u` in `[0, 1)`; its probability; and what is
     /// left of `u`, again uniform in `[0, 1)`. Never returns an index of zero weight.
+    ///
+    /// `u` takes the digits of an `f64`: the 24 of an `f32` never reach most of a million entries, and leave no digits
+    /// for the rest. [`super::refined`] makes such a number.
     #[inline]
-    pub fn sample(&self, u: f32) -> (usize, f32, f32) {
-        let target = f64::from(u) * self.total();
+    pub fn sample(&self, u: f64) -> (usize, f32, f32) {
+        let target = u * self.total();
         let index = self.cumulative.partition_point(|&c| c <= target).min(self.last_positive);
         let low = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
         let weight = self.cumulative[index] - low;
@@ -69,15 +72,45 @@ mod tests {
         let n = 80_000;
         let mut counts = [0; 6];
         for i in 0..n {
-            let u = (i as f32 + 0.5) / n as f32;
+            let u = (f64::from(i) + 0.5) / f64::from(n);
             let (index, probability, rest) = distribution.sample(u);
             assert!((0.0..1.0).contains(&rest));
             assert_eq!(probability, distribution.probability(index));
             counts[index] += 1;
         }
         assert_eq!(counts, [0, 10_000, 30_000, 0, 40_000, 0]);
-        assert_eq!(distribution.sample(1.0 - f32::EPSILON / 2.0).0, 4);
+        assert_eq!(distribution.sample(1.0 - f64::EPSILON / 2.0).0, 4);
         assert_eq!(distribution.sample(0.0).0, 1);
+    }
+
+    /// Indices of a million equal weights are drawn alike, the last ones too, and what is left of the number is uniform
+    /// within each. With 24 binary digits each index would have 16 or 17 numbers: 6 % too few or too many, and a rest of 16
+    /// values.
+    #[test]
+    fn a_million_entries_have_their_probability() {
+        use crate::sampling::{Rng, Stream, refined};
+        const ENTRIES: usize = 1_000_000;
+        let distribution = Distribution1D::new((0..ENTRIES).map(|i| 1.0 + (i % 3) as f64)).unwrap();
+        let mut rng = Rng::new(5, Stream::Measure, 0);
+        let n = 4_000_000;
+        let (mut counts, mut rests) = (vec![0u32; ENTRIES], vec![0u32; 256]);
+        for _ in 0..n {
+            let (index, probability, rest) = distribution.sample(refined(rng.next_2d()));
+            assert!((0.0..1.0).contains(&rest) && probability > 0.0);
+            counts[index] += 1;
+            rests[(rest * 256.0) as usize] += 1;
+        }
+        // Expected 2, 4 and 6 a piece. Poisson: the statistic has variance 2 + 1 / expected per entry.
+        let expected = |i: usize| n as f64 * (1.0 + (i % 3) as f64) / distribution.total();
+        let chi_square = |counts: &[u32], expected: &dyn Fn(usize) -> f64| -> f64 {
+            counts.iter().enumerate().map(|(i, &c)| (f64::from(c) - expected(i)).powi(2) / expected(i)).sum()
+        };
+        let statistic = chi_square(&counts, &expected);
+        let spread = (ENTRIES as f64 * 2.31).sqrt();
+        assert!((statistic - ENTRIES as f64).abs() < 5.0 * spread, "{statistic}");
+        let statistic = chi_square(&rests, &|_| n as f64 / 256.0);
+        assert!((statistic - 255.0).abs() < 5.0 * 510f64.sqrt(), "{statistic}");
+        assert_eq!(distribution.sample(1.0 - f64::EPSILON / 2.0).0, ENTRIES - 1);
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub mod warp;
 
 pub use distribution::Distribution1D;
 pub use rng::{Rng, Stream, mix};
-pub use samples::{SampleStream, Splits};
+pub use samples::{SampleStream, Splits, refined};
 pub use sobol::{SOBOL_DIMENSIONS, Sobol, SobolSet};
 
 /// Largest `f32` below one: what a uniform variate is clamped to.

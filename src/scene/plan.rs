@@ -168,7 +168,10 @@ impl Facts {
         if self.wide_lights == 0 || self.diffuse == 0 {
             Decision::no("every light is sampled well by its solid angle")
         } else {
-            Decision::yes(format!("{} light(s) can fill much of the hemisphere", self.wide_lights))
+            Decision::yes(format!(
+                "{} light(s) can fill much of the hemisphere, or are sampled by area",
+                self.wide_lights
+            ))
         }
     }
 }

@@ -39,6 +39,11 @@ impl Quad {
         self.area
     }
 
+    /// True where the corners are right angles, so that directions to it are drawn by solid angle.
+    pub fn is_rectangle(&self) -> bool {
+        self.is_rectangle
+    }
+
     /// Unit normal.
     pub fn normal(&self) -> DVec3 {
         self.normal

@@ -64,6 +64,15 @@ pub enum BuildProblem {
          emitter, or scale it equally"
     )]
     NotSimilar,
+    /// An emitter of which nothing is left.
+    #[error(
+        "emits, but none of its {0} triangle(s) has an area that single precision can tell; is its scale or its unit right, \
+         or does something else lie very far away?"
+    )]
+    NoEmitter(usize),
+    /// An emitter whose area cannot be summed up.
+    #[error("emits, but the area of its surface is zero or beyond what can be computed; check its scale")]
+    EmitterArea,
     /// Embree.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
@@ -104,7 +113,8 @@ pub fn build_scene(
     let radius = space.length(bounds.radius()) as f32;
     let flux = assembly.flux(description, &space, f64::from(radius));
     let space = space.with_flux(flux);
-    let lights = assembly.lights(description, &space);
+    let lights = assembly.lights(description, &space)?;
+    builder.warnings.extend(assembly.warnings);
     let mut surfaces = assembly.surfaces;
     for (id, emitter) in assembly.emitters.iter().enumerate() {
         surfaces[emitter.surface].light = Some(id as u32);
@@ -138,6 +148,8 @@ struct Builder<'a> {
 
 /// A light on a surface, its radiance not yet scaled.
 struct Emitter {
+    /// Index of the description's shape.
+    shape: usize,
     surface: usize,
     pieces: Vec<EmitterShape>,
     emission: EmissionDescription,
@@ -151,6 +163,7 @@ struct Assembly {
     surfaces: Vec<Surface>,
     emitters: Vec<Emitter>,
     casters: Vec<(DVec3, f64)>,
+    warnings: Vec<SceneWarning>,
 }
 
 impl<'a> Builder<'a> {
@@ -276,8 +289,21 @@ impl<'a> Builder<'a> {
         add_geometry(builder, &placed.geometry).map_err(|problem| error_of(shape, problem.into()))?;
         let flip = shape.value.flip_normal != placed.flip;
         let surface = assembly.surfaces.len();
+        if placed.lost > 0 {
+            assembly.warnings.push(SceneWarning {
+                location: shape.location.clone(),
+                message: format!(
+                    "{}: {} of the {} triangles of this emitter have no area in single precision and were left out; they \
+                     neither emit nor are seen",
+                    shape.name,
+                    placed.lost,
+                    placed.lost + placed.emitter.len()
+                ),
+            });
+        }
+        // Empty for an empty mesh alone, which was told when it was read.
         if let Some(emission) = shape.value.emission.filter(|_| !placed.emitter.is_empty()) {
-            assembly.emitters.push(Emitter { surface, pieces: placed.emitter, emission, flip });
+            assembly.emitters.push(Emitter { shape: index, surface, pieces: placed.emitter, emission, flip });
         }
         if self.is_caster(index) && !placed.bounds.is_empty() {
             assembly.casters.push(placed.sphere);
@@ -416,12 +442,14 @@ impl Assembly {
         total.max_element()
     }
 
-    fn lights(&self, description: &SceneDescription, space: &RenderSpace) -> Vec<Light> {
+    /// One light for each emitter, in their order, then those without a surface.
+    fn lights(&self, description: &SceneDescription, space: &RenderSpace) -> Result<Vec<Light>, BuildError> {
         let scaled = |colour: DVec3| (colour * space.power).as_vec3();
-        let areas = self.emitters.iter().filter_map(|emitter| {
+        let areas = self.emitters.iter().map(|emitter| {
             let radiance = scaled(emitter.emission.radiance);
             AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip)
                 .map(Light::Area)
+                .ok_or_else(|| error_of(&description.shapes[emitter.shape], BuildProblem::EmitterArea))
         });
         let others = description.lights.iter().map(|light| match &light.value {
             LightDescription::Point { position, intensity } => Light::Point(PointLight {
@@ -436,7 +464,7 @@ impl Assembly {
                 Light::Environment(EnvironmentLight { radiance: scaled(*radiance) })
             }
         });
-        areas.chain(others).collect()
+        areas.chain(others.map(Ok)).collect()
     }
 }
 

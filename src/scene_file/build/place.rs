@@ -35,6 +35,8 @@ pub(super) struct Placed {
     pub flip: bool,
     /// What an emitter of this shape samples, by primitive; only where asked for.
     pub emitter: Vec<EmitterShape>,
+    /// Triangles of an emitter that rounding left without area: neither light nor surface.
+    pub lost: usize,
 }
 
 impl Source {
@@ -156,6 +158,7 @@ fn exact<P: Procedural + 'static>(shape: P, sphere: (DVec3, f64), emitter: Optio
         bounds,
         sphere,
         flip: false,
+        lost: 0,
         emitter: emitter.into_iter().collect(),
     }
 }
@@ -198,12 +201,17 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
     let corners =
         |triangle: &[u32; 3]| triangle.map(|vertex| Vec3::from_array(positions[vertex as usize]).as_dvec3());
     let mut emitter = Vec::new();
+    let whole = triangles.len();
     if emits {
         // A light has one piece for each primitive, so triangles that lost their area to rounding have to go.
         triangles.retain(|triangle| {
             let [a, b, c] = corners(triangle);
             Triangle::new(a, b, c).map(|piece| emitter.push(EmitterShape::Triangle(piece))).is_ok()
         });
+    }
+    let lost = whole - triangles.len();
+    if emits && lost > 0 && triangles.is_empty() {
+        return Err(BuildProblem::NoEmitter(lost));
     }
     let bounds = triangles
         .par_iter()
@@ -227,6 +235,7 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
         bounds,
         sphere: (center, radius),
         flip: false,
+        lost,
         emitter,
     })
 }
@@ -251,6 +260,7 @@ fn place_quad(
         bounds,
         sphere: (bounds.center(), bounds.radius()),
         flip: false,
+        lost: 0,
         emitter,
     })
 }
