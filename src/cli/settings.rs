@@ -68,6 +68,10 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gather_samples: Option<u32>,
 
+    /// Distribution rays at the first highly glossy surface of a camera sample; deeper ones get fewer.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    glossy_samples: Option<u32>,
+
     /// Whether gather rays read irradiance precomputed at the photons.
     #[arg(long, value_name = "BOOL")]
     precomputed_irradiance: Option<bool>,
@@ -136,6 +140,7 @@ impl SettingsArgs {
                 SearchArg::Disc => SearchRegion::Disc,
             }),
             gather_samples: self.gather_samples,
+            glossy_samples: self.glossy_samples,
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,

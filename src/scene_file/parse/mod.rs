@@ -1,5 +1,6 @@
 //! The text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
 
+mod glossy;
 mod lights;
 mod materials;
 mod names;
