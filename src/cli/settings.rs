@@ -70,6 +70,10 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = count_from_one)]
     gather_samples: Option<u32>,
 
+    /// Distribution rays at the first highly glossy surface of a camera sample; deeper ones get fewer.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
+    glossy_samples: Option<u32>,
+
     /// Whether gather rays read irradiance precomputed at the photons: much faster than an estimate for each of them.
     #[arg(long, value_name = "BOOL")]
     precomputed_irradiance: Option<bool>,
@@ -173,6 +177,7 @@ impl SettingsArgs {
                 SearchArg::Disc => SearchRegion::Disc,
             }),
             gather_samples: self.gather_samples,
+            glossy_samples: self.glossy_samples,
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,

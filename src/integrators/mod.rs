@@ -8,7 +8,7 @@ mod path;
 mod photon_map;
 mod specular;
 
-pub use direct::DirectLighting;
+pub use direct::{DirectLighting, Reflected};
 pub use path::PathTracer;
 pub use photon_map::{PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons, visible_domain};
 
@@ -44,6 +44,10 @@ pub struct Counters {
     pub camera_rays: u64,
     /// Rays continued by specular reflection or refraction, from the camera.
     pub specular_rays: u64,
+    /// Distribution rays drawn from highly glossy lobes, from the camera.
+    pub glossy_rays: u64,
+    /// Rays by which gathering goes on at specular and highly glossy surfaces.
+    pub approximate_rays: u64,
     /// Shadow rays.
     pub shadow_rays: u64,
     /// Final gather rays.
@@ -72,6 +76,8 @@ impl AddAssign for Counters {
     fn add_assign(&mut self, other: Self) {
         self.camera_rays += other.camera_rays;
         self.specular_rays += other.specular_rays;
+        self.glossy_rays += other.glossy_rays;
+        self.approximate_rays += other.approximate_rays;
         self.shadow_rays += other.shadow_rays;
         self.gather_rays += other.gather_rays;
         self.path_rays += other.path_rays;
@@ -89,7 +95,7 @@ impl AddAssign for Counters {
 /// What the first surface contributes to the auxiliary layers.
 fn describe_first_hit(sample: &mut PixelSample, scene: &Scene, hit: &SurfaceInteraction) {
     let shading = hit.shading(scene.material(hit));
-    sample.albedo = shading.bsdf.albedo();
+    sample.albedo = shading.bsdf.albedo(shading.wo_local);
     sample.normal = shading.frame.z;
     sample.depth = scene.space().metres(f64::from(hit.distance)) as f32;
     sample.object_id = Some(hit.surface);

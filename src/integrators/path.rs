@@ -1,17 +1,16 @@
 //! The reference: unbiased path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling
 //! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it.
 
-use super::direct::{DirectLighting, power_heuristic};
+use super::direct::{DirectLighting, Drawn};
 use super::specular::chain_roulette;
 use super::{Integrator, Scratch, describe_first_hit};
 use crate::bsdf::{Lobe, TransportMode};
 use crate::film::{Aov, PixelSample};
-use crate::lights::{Light, LightId};
+use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
-use glam::Vec3;
 
 /// Surfaces after which roulette may end a path.
 const ROULETTE_DEPTH: u32 = 4;
@@ -30,11 +29,11 @@ pub struct PathTracer<'a> {
 enum Class {
     /// No surface yet.
     Camera,
-    /// Something specular first: all of it is the specular part.
+    /// Something specular or highly glossy first: all of it is the specular part.
     ThroughSpecular,
     /// A diffuse surface, and nothing since.
     Diffuse,
-    /// A diffuse surface, and only specular ones since.
+    /// A diffuse surface, and only specular or highly glossy ones since.
     DiffuseThenSpecular,
     /// Two diffuse surfaces or more.
     DiffuseTwice,
@@ -44,11 +43,12 @@ impl Class {
     /// After scattering by this lobe.
     fn after(self, lobe: Lobe) -> Self {
         match (self, lobe) {
-            (Self::Camera | Self::ThroughSpecular, Lobe::Specular) | (Self::ThroughSpecular, _) => {
-                Self::ThroughSpecular
-            }
+            (Self::Camera | Self::ThroughSpecular, Lobe::Specular | Lobe::Glossy)
+            | (Self::ThroughSpecular, _) => Self::ThroughSpecular,
             (Self::Camera, Lobe::Diffuse) => Self::Diffuse,
-            (Self::Diffuse | Self::DiffuseThenSpecular, Lobe::Specular) => Self::DiffuseThenSpecular,
+            (Self::Diffuse | Self::DiffuseThenSpecular, Lobe::Specular | Lobe::Glossy) => {
+                Self::DiffuseThenSpecular
+            }
             (Self::Diffuse | Self::DiffuseThenSpecular | Self::DiffuseTwice, _) => Self::DiffuseTwice,
         }
     }
@@ -65,38 +65,25 @@ impl Class {
     }
 }
 
-/// Where the last direction was drawn from, if from a smooth lobe: light that it hits was sampled there as well.
-#[derive(Clone, Copy)]
-struct Drawn {
-    from: Vec3,
-    pdf: f32,
-}
-
 impl<'a> PathTracer<'a> {
     /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
     pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumId) -> Self {
         Self { scene, direct: DirectLighting::new(scene, 1, true), max_depth, camera_medium }
     }
 
-    /// Weight of light found by following the path, against having sampled it from `drawn`.
-    fn weight(&self, drawn: Option<Drawn>, id: LightId, pdf_of_light: impl FnOnce(Vec3) -> f32) -> f32 {
-        drawn.map_or(1.0, |drawn| {
-            power_heuristic(drawn.pdf, pdf_of_light(drawn.from) * self.direct.choice_probability(id))
-        })
-    }
-
     fn emitted(&self, hit: &SurfaceInteraction, drawn: Option<Drawn>) -> Rgb {
         let Some(id) = self.scene.surface(hit).light else { return Rgb::ZERO };
         let Light::Area(area) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        let weight =
-            self.weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
+        let weight = self
+            .direct
+            .weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
         area.emitted(hit.is_front()) * weight
     }
 
     fn environment(&self, drawn: Option<Drawn>) -> Rgb {
         let Some(id) = self.scene.environment() else { return Rgb::ZERO };
         let Light::Environment(sky) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        sky.radiance * self.weight(drawn, id, |_| 1.0 / (4.0 * std::f32::consts::PI))
+        sky.radiance * self.direct.weight(drawn, id, |_| 1.0 / (4.0 * std::f32::consts::PI))
     }
 }
 
@@ -107,7 +94,7 @@ struct State {
     medium: MediumId,
     class: Class,
     drawn: Option<Drawn>,
-    /// Specular surfaces met since the last other one.
+    /// Specular or highly glossy surfaces met since the last other one.
     chain: u32,
 }
 
@@ -121,7 +108,7 @@ impl PathTracer<'_> {
         depth: u32,
         samples: &mut SampleStream,
     ) -> bool {
-        let u_lobe = if shading.bsdf.is_delta() { samples.next_1d() } else { 0.0 };
+        let u_lobe = if shading.bsdf.chooses() { samples.next_1d() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { glam::Vec2::ZERO } else { samples.next_2d() };
         let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Radiance) else {
             return false;
@@ -133,7 +120,7 @@ impl PathTracer<'_> {
             return false;
         };
         state.throughput *= sample.throughput;
-        state.chain = if shading.bsdf.is_delta() { state.chain + 1 } else { 0 };
+        state.chain = if sample.lobe == Lobe::Diffuse { 0 } else { state.chain + 1 };
         let Some(weight) = chain_roulette(state.chain, || samples.next_1d()) else { return false };
         state.throughput *= weight;
         let brightest = state.throughput.max_element();
@@ -146,7 +133,7 @@ impl PathTracer<'_> {
             }
             state.throughput /= brightest;
         }
-        state.drawn = (sample.lobe == Lobe::Diffuse)
+        state.drawn = (sample.lobe != Lobe::Specular)
             .then_some(Drawn { from: hit.point.position, pdf: sample.pdf_solid_angle });
         state.class = state.class.after(sample.lobe);
         state.medium = medium;
@@ -184,12 +171,14 @@ impl Integrator for PathTracer<'_> {
             }
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
             let shading = hit.shading(self.scene.material(&hit));
-            if shading.bsdf.is_delta() {
+            if shading.bsdf.has_specular() || shading.bsdf.has_glossy() {
                 counters.interfaces += 1;
                 counters.medium_mismatches += u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
-            } else if shading.bsdf.has_diffuse() {
+            }
+            if shading.bsdf.has_diffuse() || shading.bsdf.has_glossy() {
                 let direct = self.direct.radiance(&hit, &shading, state.medium, samples, counters);
-                out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct);
+                out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct.diffuse);
+                out.add(state.class.after(Lobe::Glossy).part(), state.throughput * direct.glossy);
             }
             if !self.scatter(&mut state, &hit, &shading, depth, samples) {
                 return out;

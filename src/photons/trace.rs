@@ -2,7 +2,7 @@
 
 use super::emission::{Aim, emit};
 use super::{Photon, PhotonClass};
-use crate::bsdf::{Lambert, Lobe, TransportMode, shading_normal_correction, sides_agree};
+use crate::bsdf::{Bsdf, Lambert, Lobe, TransportMode, shading_normal_correction, sides_agree};
 use crate::embree::RawHit;
 use crate::math::{Frame, Ray, Rgb};
 use crate::media::MediumId;
@@ -357,10 +357,12 @@ impl Flight {
             let at = (hit.point.position, hit.facing_normal());
             self.store(pass.settings.kind, at, shading_share(&hit), photons);
         }
-        if pass.settings.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
+        let is_lobe_left = shading.bsdf.has_specular() || shading.bsdf.has_glossy();
+        if pass.settings.kind == MapKind::Caustic && !is_lobe_left {
             return false;
         }
-        self.scatter(pass.scene, &hit, &shading, tally)
+        let goes_on = self.scatter(pass.scene, &hit, &shading, tally);
+        goes_on && (self.only_specular || pass.settings.kind != MapKind::Caustic)
     }
 
     /// Stores the photon where it is, on the side of `normal`, with `share` of its power.
@@ -396,18 +398,18 @@ impl Flight {
         shading: &Shading,
         tally: &mut PhotonTally,
     ) -> bool {
-        let u_lobe = if shading.bsdf.is_delta() { self.rng.next_f32() } else { 0.0 };
+        let u_lobe = if shading.bsdf.chooses() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
         let bent = hit.shading_normal != hit.point.normal;
-        // Diffuse lobes are sampled around the geometric normal, see below.
-        let frame =
-            if bent && !shading.bsdf.is_delta() { Frame::from_z(shading.geometric) } else { shading.frame };
+        // Lambert's law is sampled around the geometric normal, see below.
+        let around_geometric = bent && matches!(shading.bsdf, Bsdf::Lambert(_));
+        let frame = if around_geometric { Frame::from_z(shading.geometric) } else { shading.frame };
         let wo = frame.to_local(hit.wo);
         let Some(sample) = shading.bsdf.sample(wo, u_lobe, u, TransportMode::Flux) else {
             return false;
         };
         let direction = frame.to_world(sample.wi);
-        if sample.lobe == Lobe::Specular {
+        if sample.lobe != Lobe::Diffuse {
             tally.interfaces += 1;
             tally.medium_mismatches += u64::from(scene.is_medium_mismatch(hit, self.medium));
         } else {
@@ -419,16 +421,12 @@ impl Flight {
         };
         let mut power = self.power * sample.throughput;
         if bent {
-            power *= match sample.lobe {
-                Lobe::Specular => {
-                    shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric)
-                }
+            power *= match around_geometric {
+                false => shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric),
                 // The adjoint of what a camera path meets that arrives from `direction`: the cosine at the shading
                 // normal, or at the geometric one where the shading normal faces away from it.
-                Lobe::Diffuse if sides_agree(direction, hit.shading_normal, hit.point.normal) => {
-                    shading_share(hit)
-                }
-                Lobe::Diffuse => 1.0,
+                true if sides_agree(direction, hit.shading_normal, hit.point.normal) => shading_share(hit),
+                true => 1.0,
             };
         }
         if !self.survives(power) {

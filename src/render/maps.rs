@@ -55,6 +55,7 @@ impl Settings {
             region: self.search,
             max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
             gather_samples: self.gather_samples,
+            glossy_samples: self.glossy_samples,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
             max_depth: self.max_depth,

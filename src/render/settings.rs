@@ -48,6 +48,8 @@ pub struct Overrides {
     pub search: Option<SearchRegion>,
     /// Final gather rays per camera sample.
     pub gather_samples: Option<u32>,
+    /// Distribution rays at the first highly glossy surface of a camera sample.
+    pub glossy_samples: Option<u32>,
     /// Whether gather rays read irradiance precomputed at the photons (Christensen 1999).
     pub precomputed_irradiance: Option<bool>,
     /// Shadow rays per light and camera sample.
@@ -75,6 +77,7 @@ impl Overrides {
             estimator: self.estimator.or(below.estimator),
             search: self.search.or(below.search),
             gather_samples: self.gather_samples.or(below.gather_samples),
+            glossy_samples: self.glossy_samples.or(below.glossy_samples),
             precomputed_irradiance: self.precomputed_irradiance.or(below.precomputed_irradiance),
             light_samples: self.light_samples.or(below.light_samples),
             visible_kernel: self.visible_kernel.or(below.visible_kernel),
@@ -113,6 +116,8 @@ pub struct Settings {
     pub search: SearchRegion,
     /// Final gather rays per camera sample.
     pub gather_samples: u32,
+    /// Distribution rays at the first highly glossy surface of a camera sample.
+    pub glossy_samples: u32,
     /// Whether gather rays read irradiance precomputed at the photons.
     pub precomputed_irradiance: bool,
     /// Shadow rays per light and camera sample.
@@ -146,6 +151,7 @@ impl Quality {
             estimator: Estimator::Corrected,
             search: SearchRegion::Disc,
             gather_samples,
+            glossy_samples: 6,
             precomputed_irradiance: true,
             light_samples: 1,
             visible_kernel: true,
@@ -172,6 +178,7 @@ impl From<&Overrides> for Settings {
             estimator: asked.estimator.unwrap_or(preset.estimator),
             search: asked.search.unwrap_or(preset.search),
             gather_samples: asked.gather_samples.unwrap_or(preset.gather_samples),
+            glossy_samples: asked.glossy_samples.unwrap_or(preset.glossy_samples),
             precomputed_irradiance: asked.precomputed_irradiance.unwrap_or(preset.precomputed_irradiance),
             light_samples: asked.light_samples.unwrap_or(preset.light_samples),
             // The printed formulas know nothing of it.

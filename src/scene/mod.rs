@@ -6,7 +6,7 @@ mod render_space;
 mod surface;
 mod world;
 
-pub use material::Material;
+pub use material::{Material, Tangent};
 pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan};
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};

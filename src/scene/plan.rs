@@ -1,6 +1,7 @@
 //! What a scene requires, decided in one place, with reasons in words.
 
 use super::{Geometry, Material, Scene};
+use crate::bsdf::GLOSS_THRESHOLD;
 use serde::Serialize;
 use std::fmt;
 
@@ -60,6 +61,8 @@ pub struct RenderPlan {
     pub caustic_map: Decision,
     /// Final gathering of soft indirect light.
     pub final_gather: Decision,
+    /// Distribution rays from highly glossy surfaces.
+    pub glossy_sampling: Decision,
     /// Shadow rays to sampled points of lights.
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
@@ -85,11 +88,20 @@ impl RenderPlan {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::no("path tracing needs no maps"),
             },
+            glossy_sampling: facts.glossy_sampling(integrator),
             light_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 _ if !facts.lit => Decision::no("there is no light"),
-                _ if facts.diffuse == 0 => Decision::no("there is no diffuse surface"),
-                _ => Decision::yes(format!("{} light(s) seen from diffuse surfaces", scene.lights().len())),
+                _ if facts.diffuse + facts.glossy == 0 => {
+                    Decision::no("there is no diffuse or glossy surface")
+                }
+                _ if facts.glossy == 0 => {
+                    Decision::yes(format!("{} light(s) seen from diffuse surfaces", scene.lights().len()))
+                }
+                _ => Decision::yes(format!(
+                    "{} light(s) seen from diffuse or glossy surfaces",
+                    scene.lights().len()
+                )),
             },
             bsdf_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
@@ -106,11 +118,12 @@ impl RenderPlan {
     }
 
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 6] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 7] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
             ("final gathering", &self.final_gather),
+            ("glossy sampling", &self.glossy_sampling),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
             ("absorption", &self.absorption),
@@ -123,6 +136,7 @@ struct Facts {
     lit: bool,
     diffuse: usize,
     specular: usize,
+    glossy: usize,
     absorbing: usize,
     wide_lights: usize,
     geometry: Vec<String>,
@@ -137,6 +151,7 @@ impl Facts {
             lit: scene.light_power().is_some(),
             diffuse: count(Material::has_diffuse),
             specular: count(Material::is_specular),
+            glossy: count(Material::has_glossy),
             absorbing: scene.media().iter().filter(|medium| !medium.is_clear()).count(),
             wide_lights: scene.lights().iter().filter(|light| light.needs_bsdf_sampling()).count(),
             geometry: geometry_kinds(scene),
@@ -161,6 +176,19 @@ impl Facts {
             _ if self.specular == 0 => Decision::no("no specular surface, so there are no caustics"),
             _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
             _ => Decision::yes(format!("{} specular surface(s) cast caustics", self.specular)),
+        }
+    }
+
+    fn glossy_sampling(&self, integrator: IntegratorKind) -> Decision {
+        if self.glossy == 0 {
+            return Decision::no("no surface is highly glossy");
+        }
+        let surfaces = self.glossy;
+        match integrator {
+            IntegratorKind::Path => Decision::no("path tracing follows one direction at a time"),
+            _ => Decision::yes(format!(
+                "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
+            )),
         }
     }
 

@@ -258,7 +258,10 @@ impl SurfaceInteraction {
         if !(shading.dot(self.wo) * geometric.dot(self.wo) > 0.0) {
             shading = geometric;
         }
-        let frame = Frame::from_z(shading);
+        let frame = match material.tangent() {
+            None => Frame::from_z(shading),
+            Some(tangent) => Frame::with_tangent(shading, tangent.at(shading)),
+        };
         Shading { bsdf, frame, geometric, wo_local: frame.to_local(self.wo) }
     }
 

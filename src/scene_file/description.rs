@@ -2,8 +2,10 @@
 //! the place in the file it came from.
 
 use super::generate::Generator;
+use crate::bsdf::Bsdf;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
+use crate::scene::Tangent;
 use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
 use std::path::PathBuf;
@@ -189,12 +191,23 @@ pub enum MaterialDescription {
         /// As for Lambert.
         two_sided: bool,
     },
-    /// A smooth interface between two media.
+    /// An interface between two media.
     Dielectric {
         /// Index into [`SceneDescription::media`] on the side away from the normal.
         inside: usize,
         /// Index into [`SceneDescription::media`] on the side of the normal.
         outside: usize,
+        /// The alpha of GGX, in `[0, 1]`; zero for a smooth interface.
+        roughness: f64,
+    },
+    /// Schlick's or Ward's model, or a metal.
+    Glossy {
+        /// The model.
+        bsdf: Bsdf,
+        /// As for Lambert.
+        two_sided: bool,
+        /// How an anisotropic model lies in the surface.
+        tangent: Option<Tangent>,
     },
 }
 

@@ -2,7 +2,7 @@
 
 use super::lookup::reflected;
 use super::{PhotonMapIntegrator, Vertex};
-use crate::bsdf::{Bsdf, TransportMode};
+use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::Scratch;
 use crate::integrators::direct::power_heuristic;
 use crate::integrators::specular::chain_roulette;
@@ -36,7 +36,8 @@ impl PhotonMapIntegrator<'_> {
         let splits = samples.splits(self.settings.gather_samples);
         for i in 0..count {
             let [x, y, u_lobe, u_path] = splits.get_4d(i);
-            let Some(sample) = vertex.shading.bsdf.sample(
+            let Some(sample) = vertex.shading.bsdf.sample_lobe(
+                Lobe::Diffuse,
                 vertex.shading.wo_local,
                 u_lobe,
                 glam::Vec2::new(x, y),
@@ -75,6 +76,7 @@ impl PhotonMapIntegrator<'_> {
     ) -> Gathered {
         let mut throughput = Rgb::ONE;
         let mut found = Gathered::default();
+        let own = u;
         for depth in 0..self.settings.max_depth {
             scratch.counters.depth_sum += 1;
             let Some(hit) = self.scene.intersect(&ray) else {
@@ -89,8 +91,18 @@ impl PhotonMapIntegrator<'_> {
             }
             let shading = hit.shading(self.scene.material(&hit));
             if !shading.bsdf.is_delta() {
-                found.indirect = throughput * self.approximate(&hit, &shading, scratch);
-                return found;
+                found.indirect += throughput * self.approximate(&hit, &shading, scratch);
+                if !(shading.bsdf.has_glossy() || shading.bsdf.has_specular()) {
+                    return found;
+                }
+                let numbers = std::array::from_fn(|i| refreshed(own, 4 * depth + i as u32));
+                let Some(next) = self.continue_gathering(medium, &hit, &shading, numbers) else {
+                    return found;
+                };
+                scratch.counters.approximate_rays += 1;
+                throughput *= next.throughput;
+                (medium, ray) = (next.medium, next.ray);
+                continue;
             }
             // A specular surface on the way: one of its directions, drawn by the Fresnel term. One number serves the
             // whole chain: what a decision leaves of it is uniform again.
@@ -111,20 +123,21 @@ impl PhotonMapIntegrator<'_> {
             };
             medium = next;
             throughput *= sample.throughput;
+            scratch.counters.approximate_rays += 1;
             ray = hit.spawn(direction);
         }
         scratch.counters.truncated += 1;
         found
     }
 
-    /// Radiance of a diffuse surface read from the global map.
+    /// Radiance of the diffuse lobe of a surface, read from the global map.
     fn approximate(&self, hit: &SurfaceInteraction, shading: &Shading, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.global else { return Rgb::ZERO };
         if !shading.bsdf.has_diffuse() {
             return Rgb::ZERO;
         }
         scratch.counters.global_lookups += 1;
-        if let (Some(irradiance), Bsdf::Lambert(lambert)) = (&self.maps.irradiance, shading.bsdf) {
+        if let (Some(irradiance), Some(lambert)) = (&self.maps.irradiance, shading.bsdf.lambertian()) {
             let found = irradiance.nearest(hit.point.position, hit.facing_normal(), self.settings.max_radius);
             return match found {
                 Some(irradiance) => lambert.reflectance * irradiance * FRAC_1_PI,
@@ -156,7 +169,7 @@ impl PhotonMapIntegrator<'_> {
     }
 }
 
-/// Another number for a deep surface of a chain whose own number is used up: a hash of it, the same in every run.
+/// Another number for a surface of a chain whose own number is used up: a hash of it, the same in every run.
 fn refreshed(u: f32, depth: u32) -> f32 {
     (crate::sampling::mix(u64::from(u.to_bits()) << 32 | u64::from(depth)) >> 40) as f32 / 16_777_216.0
 }

@@ -1,7 +1,7 @@
 //! Reading the maps at a surface.
 
 use super::PhotonMapSettings;
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::Scratch;
 use crate::math::Rgb;
 use crate::photons::{EstimateParams, FEELERS, KernelDomain, PhotonMap, Query};
@@ -9,7 +9,7 @@ use crate::scene::{Scene, Shading};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
-/// Radiance that a surface reflects of the photons in a map.
+/// Radiance that the diffuse lobe of a surface reflects of the photons in a map.
 pub(super) fn reflected(
     scene: &Scene,
     reading: &PhotonMapSettings,
@@ -26,12 +26,13 @@ pub(super) fn reflected(
         visible_domain(scene, query.position, query.normal, radius)
     };
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
-    if let Bsdf::Lambert(lambert) = shading.bsdf {
+    if let Some(lambert) = shading.bsdf.lambertian() {
         let irradiance = map.estimate_irradiance_visible(query, params, photons, domain).value;
         return lambert.reflectance * irradiance * FRAC_1_PI;
     }
     let wo = shading.wo_local;
-    let f = |wi: Vec3| shading.bsdf.eval(wo, shading.frame.to_local(wi));
+    let f =
+        |wi: Vec3| shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance);
     map.estimate_radiance_visible(query, params, photons, domain, f).value
 }
 

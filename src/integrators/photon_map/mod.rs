@@ -2,6 +2,7 @@
 //! reflection is read from the photon maps.
 
 mod gather;
+mod glossy;
 mod lookup;
 mod show;
 mod walk;
@@ -9,7 +10,7 @@ mod walk;
 pub use lookup::visible_domain;
 pub use show::ShowPhotons;
 
-use super::direct::DirectLighting;
+use super::direct::{DirectLighting, Reflected};
 use super::{Integrator, Scratch};
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
@@ -19,7 +20,7 @@ use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
 use lookup::reflected;
-use walk::walk_specular;
+use walk::{Walk, walk_specular};
 
 /// How the maps are read.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +39,8 @@ pub struct PhotonMapSettings {
     pub max_radius: f32,
     /// Final gather rays per camera sample.
     pub gather_samples: u32,
+    /// Distribution rays at the first highly glossy lobe that a camera sample meets; fewer at the next ones.
+    pub glossy_samples: u32,
     /// Shadow rays per light and camera sample.
     pub light_samples: u32,
     /// Whether estimates leave out what cannot be seen from their centre.
@@ -88,7 +91,7 @@ pub struct PhotonMapIntegrator<'a> {
     camera_medium: MediumId,
 }
 
-/// A diffuse surface that is computed accurately.
+/// A surface with a diffuse or a highly glossy lobe that is computed accurately.
 struct Vertex<'a> {
     hit: &'a SurfaceInteraction,
     shading: &'a Shading,
@@ -124,27 +127,43 @@ impl<'a> PhotonMapIntegrator<'a> {
         if medium.is_clear() { Rgb::ONE } else { medium.transmittance(distance) }
     }
 
-    /// All four integrals at a diffuse surface.
+    /// All integrals at a surface that is not ideal specular, but for what highly glossy lobes find by their own rays.
     fn shade(
         &self,
         vertex: &Vertex<'_>,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
-    ) -> [(Aov, Rgb); 3] {
+    ) -> [(Aov, Rgb); 4] {
         let Vertex { hit, shading, medium, .. } = *vertex;
-        if !shading.bsdf.has_diffuse() {
-            return [(Aov::Direct, Rgb::ZERO), (Aov::Caustics, Rgb::ZERO), (Aov::Indirect, Rgb::ZERO)];
+        let (has_diffuse, has_glossy) = (shading.bsdf.has_diffuse(), shading.bsdf.has_glossy());
+        let by_light = if has_diffuse || has_glossy {
+            self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters)
+        } else {
+            Reflected::default()
+        };
+        let (mut caustics, mut indirect, mut by_bsdf) = (Rgb::ZERO, Rgb::ZERO, Rgb::ZERO);
+        if has_diffuse {
+            caustics = self.caustics(vertex, scratch);
+            (indirect, by_bsdf) = self.indirect(vertex, samples, scratch);
         }
-        let by_light = self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters);
-        let caustics = self.caustics(vertex, scratch);
-        let (indirect, by_bsdf) = self.indirect(vertex, samples, scratch);
-        [(Aov::Direct, by_light + by_bsdf), (Aov::Caustics, caustics), (Aov::Indirect, indirect)]
+        [
+            (Aov::Direct, by_light.diffuse + by_bsdf),
+            (Aov::Specular, by_light.glossy),
+            (Aov::Caustics, caustics),
+            (Aov::Indirect, indirect),
+        ]
     }
 }
 
 impl Integrator for PhotonMapIntegrator<'_> {
     fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
-        walk_specular(self.scene, ray, self.camera_medium, self.settings.max_depth, samples, scratch, &mut {
+        let walk = Walk {
+            scene: self.scene,
+            max_depth: self.settings.max_depth,
+            glossy_samples: self.settings.glossy_samples,
+            lights: Some(&self.direct),
+        };
+        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, samples: &mut SampleStream, scratch: &mut Scratch| {
                 self.shade(vertex, samples, scratch)
             }

@@ -8,7 +8,7 @@ use super::description::{
     SceneDescription, SceneWarning, ShapeDescription,
 };
 use super::ply::PlyError;
-use crate::bsdf::Dielectric;
+use crate::bsdf::{Dielectric, RoughDielectric};
 use crate::camera::Camera;
 use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointLight};
@@ -412,11 +412,7 @@ impl<'a> Builder<'a> {
 
     fn is_caster(&self, index: usize) -> bool {
         let material = self.description.shapes[index].value.material;
-        match &self.description.materials[material].value {
-            MaterialDescription::Lambert { .. } => false,
-            MaterialDescription::Mirror { reflectance, .. } => reflectance.max_element() > 0.0,
-            MaterialDescription::Dielectric { .. } => true,
-        }
+        material_of(self.description, &self.description.materials[material].value).is_specular()
     }
 }
 
@@ -480,27 +476,31 @@ fn add_geometry(builder: &mut SceneBuilder, geometry: &Geometry) -> Result<u32, 
 }
 
 fn materials(description: &SceneDescription) -> Vec<(String, Material)> {
-    let ior = |medium: usize| description.media[medium].value.ior;
-    description
-        .materials
-        .iter()
-        .map(|material| {
-            let value = match material.value {
-                MaterialDescription::Lambert { reflectance, two_sided } => {
-                    Material::Lambert { reflectance, two_sided }
-                }
-                MaterialDescription::Mirror { reflectance, two_sided } => {
-                    Material::Mirror { reflectance, two_sided }
-                }
-                MaterialDescription::Dielectric { inside, outside } => Material::Dielectric {
-                    inside: inside as u32,
-                    outside: outside as u32,
-                    interface: Dielectric::new(ior(outside), ior(inside)),
-                },
-            };
-            (material.name.clone(), value)
-        })
-        .collect()
+    let named = |material: &super::Named<MaterialDescription>| {
+        (material.name.clone(), material_of(description, &material.value))
+    };
+    description.materials.iter().map(named).collect()
+}
+
+fn material_of(description: &SceneDescription, material: &MaterialDescription) -> Material {
+    match *material {
+        MaterialDescription::Lambert { reflectance, two_sided } => {
+            Material::Lambert { reflectance, two_sided }
+        }
+        MaterialDescription::Mirror { reflectance, two_sided } => Material::Mirror { reflectance, two_sided },
+        MaterialDescription::Dielectric { inside, outside, roughness } => {
+            let ior = |medium: usize| description.media[medium].value.ior;
+            let smooth = Dielectric::new(ior(outside), ior(inside));
+            let (inside, outside) = (inside as u32, outside as u32);
+            match RoughDielectric::new(smooth, roughness as f32) {
+                Some(interface) => Material::RoughDielectric { inside, outside, interface },
+                None => Material::Dielectric { inside, outside, interface: smooth },
+            }
+        }
+        MaterialDescription::Glossy { bsdf, two_sided, tangent } => {
+            Material::Glossy { bsdf, two_sided, tangent }
+        }
+    }
 }
 
 fn media(description: &SceneDescription, space: &RenderSpace) -> Vec<Medium> {

@@ -1,9 +1,10 @@
 //! `[media.NAME]` and `[materials.NAME]`.
 
+use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
 use super::names::Names;
 use crate::math::Rgb;
 use crate::scene_file::description::*;
-use crate::scene_file::reader::{Context, Expected, FRACTION, NON_NEGATIVE, Table, Value};
+use crate::scene_file::reader::{Context, Expected, NON_NEGATIVE, Table};
 use glam::DVec3;
 
 /// Indices of refraction. Nothing transparent is near the upper bound; what lies above it is a mistake.
@@ -21,6 +22,9 @@ enum Kind {
     Lambert,
     Mirror,
     Dielectric,
+    Schlick,
+    Ward,
+    Conductor,
 }
 
 /// Media by name, `air` before all others.
@@ -98,7 +102,14 @@ fn read_material(
     media: &mut Vec<Named<MediumDescription>>,
     unit: f64,
 ) -> Option<MaterialDescription> {
-    let kinds = [("lambert", Kind::Lambert), ("mirror", Kind::Mirror), ("dielectric", Kind::Dielectric)];
+    let kinds = [
+        ("lambert", Kind::Lambert),
+        ("mirror", Kind::Mirror),
+        ("dielectric", Kind::Dielectric),
+        ("schlick", Kind::Schlick),
+        ("ward", Kind::Ward),
+        ("conductor", Kind::Conductor),
+    ];
     let material = match table.required("type", "\"lambert\"", |value| value.choice(&kinds))? {
         Kind::Lambert => {
             let reflectance = table.required("reflectance", "[0.8, 0.8, 0.8]", read_reflectance);
@@ -117,7 +128,8 @@ fn read_material(
         Kind::Dielectric => {
             let inside = read_inside(&mut table, media_names, unit);
             let outside = table.or("outside", AIR, |value| media_names.find(value));
-            inside.zip(outside).map(|(inside, outside)| {
+            let roughness = table.or("roughness", 0.0, |value| value.number(&ROUGHNESS));
+            inside.zip(outside.zip(roughness)).map(|(inside, (outside, roughness))| {
                 let inside = match inside {
                     Inside::Named(index) => index,
                     Inside::Anonymous(value) => {
@@ -126,16 +138,15 @@ fn read_material(
                         media.len() - 1
                     }
                 };
-                MaterialDescription::Dielectric { inside, outside }
+                MaterialDescription::Dielectric { inside, outside, roughness }
             })
         }
+        Kind::Schlick => read_schlick(&mut table),
+        Kind::Ward => read_ward(&mut table),
+        Kind::Conductor => read_conductor(&mut table),
     };
     table.finish();
     material
-}
-
-fn read_reflectance(value: Value<'_>) -> Option<Rgb> {
-    value.colour(&FRACTION).map(|colour| colour.as_vec3())
 }
 
 /// What is behind a dielectric surface.

@@ -1,6 +1,7 @@
 //! The text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
 
 mod generate;
+mod glossy;
 mod lights;
 mod materials;
 mod names;

@@ -201,8 +201,14 @@ fn a_file_that_says_everything() {
     let materials: Vec<_> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     assert_eq!(materials, ["white", "metal", "glass", "pool", "black (implied)"]);
     assert!(matches!(scene.materials[0].value, MaterialDescription::Lambert { two_sided: false, .. }));
-    assert!(matches!(scene.materials[2].value, MaterialDescription::Dielectric { inside: 2, outside: 0 }));
-    assert!(matches!(scene.materials[3].value, MaterialDescription::Dielectric { inside: 1, outside: 0 }));
+    assert!(matches!(
+        scene.materials[2].value,
+        MaterialDescription::Dielectric { inside: 2, outside: 0, .. }
+    ));
+    assert!(matches!(
+        scene.materials[3].value,
+        MaterialDescription::Dielectric { inside: 1, outside: 0, .. }
+    ));
     assert_eq!(scene.groups.len(), 1);
     assert_eq!((scene.shapes.len(), scene.lights.len(), scene.instances.len()), (5, 3, 1));
     assert_eq!(scene.shapes[1].location.to_string(), "scenes/s.toml:53:1");

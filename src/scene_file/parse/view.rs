@@ -167,6 +167,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
     let gather_samples = table.optional("gather-samples", count(1, MANY));
+    let glossy_samples = table.optional("glossy-samples", count(1, MANY));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
@@ -186,6 +187,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         estimator: estimator?,
         search: search?,
         gather_samples: gather_samples?,
+        glossy_samples: glossy_samples?,
         visible_kernel: visible_kernel?,
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
