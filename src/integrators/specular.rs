@@ -16,6 +16,8 @@ pub(super) struct Branch {
     pub depth: u32,
     /// Share of the camera sample that this branch carries: products of Fresnel terms where paths were split.
     pub share: f32,
+    /// Way from the eye to where the ray starts.
+    pub travelled: f32,
 }
 
 /// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
@@ -85,5 +87,6 @@ fn push(
         medium,
         depth: parent.depth + 1,
         share: parent.share * share,
+        travelled: parent.travelled + hit.distance,
     });
 }

@@ -60,6 +60,8 @@ pub struct RenderPlan {
     pub caustic_map: Decision,
     /// Final gathering of soft indirect light.
     pub final_gather: Decision,
+    /// Indirect light of Lambertian surfaces, gathered at few places and interpolated.
+    pub irradiance_cache: Decision,
     /// Shadow rays to sampled points of lights.
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
@@ -85,6 +87,7 @@ impl RenderPlan {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::no("path tracing needs no maps"),
             },
+            irradiance_cache: facts.irradiance_cache(integrator),
             light_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 _ if !facts.lit => Decision::no("there is no light"),
@@ -105,12 +108,22 @@ impl RenderPlan {
         }
     }
 
+    /// The same without the irradiance cache unless it is `wanted`.
+    #[must_use]
+    pub fn with_cache(mut self, wanted: bool) -> Self {
+        if !wanted && self.irradiance_cache.build {
+            self.irradiance_cache = Decision::no("switched off: every camera sample gathers for itself");
+        }
+        self
+    }
+
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 6] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 7] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
             ("final gathering", &self.final_gather),
+            ("irradiance cache", &self.irradiance_cache),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
             ("absorption", &self.absorption),
@@ -122,6 +135,7 @@ impl RenderPlan {
 struct Facts {
     lit: bool,
     diffuse: usize,
+    lambert: usize,
     specular: usize,
     absorbing: usize,
     wide_lights: usize,
@@ -136,6 +150,7 @@ impl Facts {
         Self {
             lit: scene.light_power().is_some(),
             diffuse: count(Material::has_diffuse),
+            lambert: count(|m| m.has_diffuse() && matches!(m, Material::Lambert { .. })),
             specular: count(Material::is_specular),
             absorbing: scene.media().iter().filter(|medium| !medium.is_clear()).count(),
             wide_lights: scene.lights().iter().filter(|light| light.needs_bsdf_sampling()).count(),
@@ -161,6 +176,21 @@ impl Facts {
             _ if self.specular == 0 => Decision::no("no specular surface, so there are no caustics"),
             _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
             _ => Decision::yes(format!("{} specular surface(s) cast caustics", self.specular)),
+        }
+    }
+
+    fn irradiance_cache(&self, integrator: IntegratorKind) -> Decision {
+        match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            IntegratorKind::Path => Decision::no("path tracing needs no maps"),
+            IntegratorKind::PhotonMap if !self.lit => Decision::no("there is no light"),
+            IntegratorKind::PhotonMap if self.lambert == 0 => {
+                Decision::no("no Lambertian surface: indirect light depends on the direction of view")
+            }
+            IntegratorKind::PhotonMap => Decision::yes(format!(
+                "indirect light changes slowly over {} Lambertian surface(s)",
+                self.lambert
+            )),
         }
     }
 

@@ -25,7 +25,7 @@ pub(super) fn walk_specular<const N: usize>(
     scratch.counters.camera_rays += 1;
     let mut branches = std::mem::take(&mut scratch.branches);
     branches.clear();
-    branches.push(Branch { ray, throughput: Rgb::ONE, medium, depth: 0, share: 1.0 });
+    branches.push(Branch { ray, throughput: Rgb::ONE, medium, depth: 0, share: 1.0, travelled: 0.0 });
     while let Some(mut branch) = branches.pop() {
         let first = branch.depth == 0;
         let part = |aov: Aov| if first { aov } else { Aov::Specular };
@@ -59,7 +59,15 @@ pub(super) fn walk_specular<const N: usize>(
             push_children(&mut branches, &branch, scene, &hit, &shading, samples);
             continue;
         }
-        let vertex = Vertex { hit: &hit, shading: &shading, medium: branch.medium, share: branch.share };
+        let vertex = Vertex {
+            hit: &hit,
+            shading: &shading,
+            medium: branch.medium,
+            share: branch.share,
+            weight: branch.throughput.max_element(),
+            depth: branch.depth + 1,
+            travelled: branch.travelled + hit.distance,
+        };
         for (aov, radiance) in shade(&vertex, samples, scratch) {
             out.add(part(aov), branch.throughput * radiance);
         }
