@@ -1,7 +1,7 @@
 //! The cache: records, how far each reaches, and the interpolation between them.
 
 use super::hemisphere::Irradiance;
-use super::neighbours::clamped;
+use super::neighbours::Neighbours;
 use super::octree::Octree;
 use crate::math::Rgb;
 use crate::media::MediumId;
@@ -30,9 +30,9 @@ pub struct CacheSettings {
     pub bounds: (Vec3, f32),
 }
 
-/// Irradiance at a place.
+/// A place where irradiance may be wanted.
 #[derive(Clone, Copy, Debug)]
-pub struct Record {
+pub struct Place {
     /// Where.
     pub position: Vec3,
     /// Unit shading normal, on the side that is lit.
@@ -41,6 +41,13 @@ pub struct Record {
     pub medium: MediumId,
     /// Side of a pixel as projected there.
     pub footprint: f32,
+}
+
+/// Irradiance at a place.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// Where.
+    pub place: Place,
     /// The irradiance, gradients in the space of the position.
     pub irradiance: Irradiance,
 }
@@ -54,75 +61,34 @@ struct Reach {
     medium: MediumId,
 }
 
-/// What is interpolated.
-#[derive(Clone, Copy, Debug)]
-struct Linear {
-    value: Rgb,
-    shift: Mat3,
-    tilt: Mat3,
-}
-
-/// Irradiance on Lambertian surfaces, to be interpolated. Immutable; made by [`Filling`].
+/// Which records reach a place.
 #[derive(Clone, Debug)]
-pub struct IrradianceCache {
+struct Reaches {
     settings: CacheSettings,
     tree: Octree,
-    reaches: Vec<Reach>,
-    linears: Vec<Linear>,
+    all: Vec<Reach>,
 }
 
-impl IrradianceCache {
+impl Reaches {
     fn new(settings: CacheSettings) -> Self {
         let (centre, radius) = settings.bounds;
         // Larger than the scene by what rounding may do to a hit on its border.
-        let tree = Octree::new(centre, radius * 1.01);
-        Self { settings, tree, reaches: Vec::new(), linears: Vec::new() }
+        Self { settings, tree: Octree::new(centre, radius * 1.01), all: Vec::new() }
     }
 
-    /// Count of records.
-    pub fn len(&self) -> usize {
-        self.reaches.len()
-    }
-
-    /// True where there is no record.
-    pub fn is_empty(&self) -> bool {
-        self.reaches.is_empty()
-    }
-
-    /// Positions of the records and how far each reaches, in the order in which they were accepted.
-    pub fn reaches(&self) -> impl ExactSizeIterator<Item = (Vec3, f32)> {
-        self.reaches.iter().map(|reach| (reach.position, reach.radius))
-    }
-
-    /// Irradiance in W m^-2, cosine included, at a place with this unit shading normal in this medium; `None` where no
-    /// record reaches it.
-    ///
-    /// Each record is carried to the place by its gradients and weighs less the farther away it is, down to nothing
-    /// where its reach ends (a tent over the error of Ward, Rubinstein & Clear 1988, in place of their inverse, which
-    /// leans on the nearest record and its noise). Never negative. Records that agree give their value to the bit.
-    #[inline]
-    pub fn interpolate(&self, position: Vec3, normal: Vec3, medium: MediumId) -> Option<Rgb> {
-        let mut first: Option<Rgb> = None;
-        let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
-        for &index in self.tree.at(position) {
-            let reach = &self.reaches[index as usize];
-            let Some(error) = self.relative_error(reach, position, normal, medium) else { continue };
-            let weight = 1.0 - error;
-            let linear = &self.linears[index as usize];
-            let value = linear.value
-                + linear.shift * (position - reach.position)
-                + linear.tilt * (normal - reach.normal);
-            let first = *first.get_or_insert(value);
-            sum += weight * (value - first);
-            weights += weight;
-        }
-        first.map(|first| (first + sum / weights).max(Rgb::ZERO))
+    fn push(&mut self, place: &Place, radius: f32) {
+        let Place { position, normal, medium, .. } = *place;
+        let index = self.all.len() as u32;
+        self.all.push(Reach { position, radius, normal, medium });
+        let all = &self.all;
+        let sphere_of = |i: u32| (all[i as usize].position, all[i as usize].radius);
+        self.tree.insert(index, (position, radius), sphere_of);
     }
 
     /// Whether a record is near enough that none more is needed.
     fn covers(&self, position: Vec3, normal: Vec3, medium: MediumId) -> bool {
         self.tree.at(position).iter().any(|&index| {
-            self.relative_error(&self.reaches[index as usize], position, normal, medium)
+            self.relative_error(&self.all[index as usize], position, normal, medium)
                 .is_some_and(|error| error * OVERLAP < 1.0)
         })
     }
@@ -147,30 +113,92 @@ impl IrradianceCache {
         (step.abs() <= LARGEST_STEP * reach.radius).then_some(error)
     }
 
-    fn insert(&mut self, record: &Record, reach: f32, mean_distance: f32) {
-        let index = self.reaches.len() as u32;
+    /// How far a record reaches when it is read: by the error allowed, within limits of what a pixel shows, and never
+    /// farther than the nearest surface it saw, behind which it knows nothing.
+    fn radius(&self, place: &Place, harmonic: f32, nearest: f32) -> f32 {
+        let limit =
+            |(pixels, share): (f32, f32)| (pixels * place.footprint).min(share * self.settings.bounds.1);
+        let low = limit(LEAST_REACH);
+        let allowed = (self.settings.error * harmonic).clamp(low, limit(LARGEST_REACH).max(low));
+        (OVERLAP * allowed).min(nearest)
+    }
+}
+
+/// What is interpolated.
+#[derive(Clone, Copy, Debug)]
+struct Linear {
+    value: Rgb,
+    shift: Mat3,
+    tilt: Mat3,
+}
+
+/// Irradiance on Lambertian surfaces, to be interpolated. Immutable; made by [`Filling`].
+#[derive(Clone, Debug)]
+pub struct IrradianceCache {
+    reaches: Reaches,
+    linears: Vec<Linear>,
+}
+
+impl IrradianceCache {
+    fn new(settings: CacheSettings) -> Self {
+        Self { reaches: Reaches::new(settings), linears: Vec::new() }
+    }
+
+    /// Count of records.
+    pub fn len(&self) -> usize {
+        self.linears.len()
+    }
+
+    /// True where there is no record.
+    pub fn is_empty(&self) -> bool {
+        self.linears.is_empty()
+    }
+
+    /// Positions of the records and how far each reaches, in the order in which they were accepted.
+    pub fn reaches(&self) -> impl ExactSizeIterator<Item = (Vec3, f32)> {
+        self.reaches.all.iter().map(|reach| (reach.position, reach.radius))
+    }
+
+    /// Irradiance in W m^-2, cosine included, at a place with this unit shading normal in this medium; `None` where no
+    /// record reaches it.
+    ///
+    /// Each record is carried to the place by its gradients and weighs less the farther away it is, down to nothing
+    /// where its reach ends (a tent over the error of Ward, Rubinstein & Clear 1988, in place of their inverse, which
+    /// leans on the nearest record and its noise). Never negative. Records that agree give their value to the bit.
+    #[inline]
+    pub fn interpolate(&self, position: Vec3, normal: Vec3, medium: MediumId) -> Option<Rgb> {
+        let mut first: Option<Rgb> = None;
+        let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
+        for &index in self.reaches.tree.at(position) {
+            let reach = &self.reaches.all[index as usize];
+            let Some(error) = self.reaches.relative_error(reach, position, normal, medium) else { continue };
+            let weight = 1.0 - error;
+            let linear = &self.linears[index as usize];
+            let value = linear.value
+                + linear.shift * (position - reach.position)
+                + linear.tilt * (normal - reach.normal);
+            let first = *first.get_or_insert(value);
+            sum += weight * (value - first);
+            weights += weight;
+        }
+        first.map(|first| (first + sum / weights).max(Rgb::ZERO))
+    }
+
+    fn push(&mut self, record: &Record, radius: f32, harmonic: f32) {
         let Irradiance { value, shift, tilt, .. } = record.irradiance;
         // Where the reach is not what the distances allow but the least there is, the gradient does not hold so far.
-        let tame = (OVERLAP * self.settings.error * mean_distance / reach).min(1.0);
+        let tame = (OVERLAP * self.reaches.settings.error * harmonic / radius).min(1.0);
         let tame = if tame.is_finite() { tame } else { 1.0 };
         // Nor does a gradient that would take the irradiance below zero within the reach.
         let steepest = steepest(&shift);
         let limit = |channel: usize| {
-            let change = steepest[channel] * tame * reach;
+            let change = steepest[channel] * tame * radius;
             if change > value[channel] { tame * (value[channel] / change).max(0.0) } else { tame }
         };
         let limits = Vec3::new(limit(0), limit(1), limit(2));
         let shift = Mat3::from_cols(shift.x_axis * limits, shift.y_axis * limits, shift.z_axis * limits);
-        self.reaches.push(Reach {
-            position: record.position,
-            radius: reach,
-            normal: record.normal,
-            medium: record.medium,
-        });
+        self.reaches.push(&record.place, radius);
         self.linears.push(Linear { value, shift, tilt });
-        let reaches = &self.reaches;
-        let sphere_of = |i: u32| (reaches[i as usize].position, reaches[i as usize].radius);
-        self.tree.insert(index, sphere_of(index), sphere_of);
     }
 }
 
@@ -184,8 +212,9 @@ fn steepest(gradient: &Mat3) -> Vec3 {
 /// A cache in the making.
 #[derive(Clone, Debug)]
 pub struct Filling {
-    settings: CacheSettings,
     records: Vec<Record>,
+    harmonic: Neighbours,
+    nearest: Neighbours,
     cache: IrradianceCache,
     rejected: u64,
 }
@@ -193,50 +222,59 @@ pub struct Filling {
 impl Filling {
     /// Nothing yet.
     pub fn new(settings: CacheSettings) -> Self {
-        Self { settings, records: Vec::new(), cache: IrradianceCache::new(settings), rejected: 0 }
+        Self {
+            records: Vec::new(),
+            harmonic: Neighbours::default(),
+            nearest: Neighbours::default(),
+            cache: IrradianceCache::new(settings),
+            rejected: 0,
+        }
     }
 
     /// Whether a record is needed at a place: no accepted one reaches it.
-    pub fn wants(&self, position: Vec3, normal: Vec3, medium: MediumId) -> bool {
-        !self.cache.covers(position, normal, medium)
+    pub fn wants(&self, place: &Place) -> bool {
+        !self.cache.reaches.covers(place.position, place.normal, place.medium)
     }
 
-    /// Takes those of a batch that are still needed, one by one, then shortens all reaches by what their neighbours see.
-    pub fn accept(&mut self, batch: impl IntoIterator<Item = Record>) {
-        for record in batch {
-            let sound = record.position.is_finite() && record.irradiance.value.is_finite();
-            if !sound || self.cache.covers(record.position, record.normal, record.medium) {
-                self.rejected += 1;
-                continue;
+    /// Numbers of those of `places` that are to be computed: one by one in their order, those that neither an accepted
+    /// record reaches nor, as far as the neighbours let one foresee, one of those chosen before.
+    pub fn choose(&self, places: &[Place]) -> Vec<usize> {
+        let mut reaches = self.cache.reaches.clone();
+        let mut chosen = Vec::new();
+        for (number, place) in places.iter().enumerate() {
+            if place.position.is_finite() && !reaches.covers(place.position, place.normal, place.medium) {
+                let harmonic = self.harmonic.least(place.position);
+                let nearest = self.nearest.least(place.position);
+                reaches.push(place, reaches.radius(place, harmonic, nearest));
+                chosen.push(number);
             }
-            let Irradiance { harmonic, nearest, .. } = record.irradiance;
-            let reach = self.reach(&record, harmonic, nearest);
-            self.cache.insert(&record, reach, harmonic);
-            self.records.push(record);
         }
-        let measured = |length: fn(&Irradiance) -> f32| -> Vec<_> {
-            self.records.iter().map(|record| (record.position, length(&record.irradiance))).collect()
+        chosen
+    }
+
+    /// Takes a batch of records in their order, and shortens all reaches by what the neighbours see.
+    pub fn accept(&mut self, batch: impl IntoIterator<Item = Record>) {
+        let before = self.records.len();
+        let mut all = 0;
+        let sound =
+            |record: &Record| record.place.position.is_finite() && record.irradiance.value.is_finite();
+        self.records.extend(batch.into_iter().inspect(|_| all += 1).filter(sound));
+        self.rejected += all - (self.records.len() - before) as u64;
+        let measured = |length: fn(&Irradiance) -> f32| {
+            let of = |record: &Record| (record.place.position, length(&record.irradiance));
+            Neighbours::new(self.records.iter().map(of).collect())
         };
-        let harmonic = clamped(&measured(|irradiance| irradiance.harmonic));
-        let nearest = clamped(&measured(|irradiance| irradiance.nearest));
-        self.cache = IrradianceCache::new(self.settings);
+        self.harmonic = measured(|irradiance| irradiance.harmonic);
+        self.nearest = measured(|irradiance| irradiance.nearest);
+        let (harmonic, nearest) = (self.harmonic.clamped(), self.nearest.clamped());
+        self.cache = IrradianceCache::new(self.cache.reaches.settings);
         for (i, record) in self.records.iter().enumerate() {
-            let reach = self.reach(record, harmonic[i], nearest[i]);
-            self.cache.insert(record, reach, harmonic[i]);
+            let radius = self.cache.reaches.radius(&record.place, harmonic[i], nearest[i]);
+            self.cache.push(record, radius, harmonic[i]);
         }
     }
 
-    /// How far a record reaches when it is read: by the error allowed, within limits of what a pixel shows, and never
-    /// farther than the nearest surface it saw, behind which it knows nothing.
-    fn reach(&self, record: &Record, harmonic: f32, nearest: f32) -> f32 {
-        let limit =
-            |(pixels, share): (f32, f32)| (pixels * record.footprint).min(share * self.settings.bounds.1);
-        let low = limit(LEAST_REACH);
-        let allowed = (self.settings.error * harmonic).clamp(low, limit(LARGEST_REACH).max(low));
-        (OVERLAP * allowed).min(nearest)
-    }
-
-    /// Count of records computed that were no longer needed when their turn came, or were not finite.
+    /// Count of records that were not finite.
     pub fn rejected(&self) -> u64 {
         self.rejected
     }
@@ -254,10 +292,14 @@ mod tests {
 
     const SETTINGS: CacheSettings = CacheSettings { error: 0.2, bounds: (Vec3::ZERO, 1.0) };
 
+    fn place(position: Vec3) -> Place {
+        Place { position, normal: Vec3::Z, medium: 0, footprint: 0.01 }
+    }
+
     fn record(position: Vec3, value: Rgb) -> Record {
         let irradiance =
             Irradiance { value, shift: Mat3::ZERO, tilt: Mat3::ZERO, harmonic: 0.5, nearest: f32::INFINITY };
-        Record { position, normal: Vec3::Z, medium: 0, footprint: 0.01, irradiance }
+        Record { place: place(position), irradiance }
     }
 
     /// Places on the square `[-0.5, 0.5]^2` of the plane z = 0.
@@ -267,7 +309,13 @@ mod tests {
 
     fn filled(records: impl Iterator<Item = Record>) -> IrradianceCache {
         let mut filling = Filling::new(SETTINGS);
-        filling.accept(records);
+        let records: Vec<Record> = records.collect();
+        // In batches, as reaches are foreseen from earlier ones.
+        for batch in records.chunks(50) {
+            let places: Vec<Place> = batch.iter().map(|record| record.place).collect();
+            filling
+                .accept(filling.choose(&places).into_iter().map(|number| batch[number]).collect::<Vec<_>>());
+        }
         filling.finish()
     }
 
@@ -358,12 +406,18 @@ mod tests {
     #[test]
     fn batches_fill_what_is_missing_and_nothing_else() {
         let mut filling = Filling::new(SETTINGS);
-        filling.accept(places(400, 1).map(|p| record(p, Rgb::ONE)));
-        assert!(filling.rejected() > 0);
-        let wanted = places(400, 1).filter(|&p| filling.wants(p, Vec3::Z, 0)).count();
-        assert_eq!(wanted, 0);
+        let all: Vec<Place> = places(400, 1).map(place).collect();
+        assert!(all.iter().all(|place| filling.wants(place)));
+        // Nothing is known yet of how far the first ones reach; a few are a start.
+        for chunk in [&all[..10], &all[..], &all[..]] {
+            let chosen = filling.choose(chunk);
+            assert!(chosen.is_sorted());
+            filling.accept(chosen.iter().map(|&n| record(chunk[n].position, Rgb::ONE)).collect::<Vec<_>>());
+        }
+        assert!(!all.iter().any(|place| filling.wants(place)) && filling.choose(&all).is_empty());
+        assert!(filling.records.len() < 200, "{}", filling.records.len());
         let before = filling.records.len();
         filling.accept([record(Vec3::new(f32::NAN, 0.0, 0.0), Rgb::ONE), record(Vec3::ZERO, Rgb::NAN)]);
-        assert_eq!(filling.records.len(), before);
+        assert!(filling.records.len() == before && filling.rejected() == 2);
     }
 }

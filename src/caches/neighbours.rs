@@ -10,22 +10,55 @@ pub(super) type Measured = (Vec3, f32);
 /// Points in a leaf.
 const LEAF: usize = 8;
 
-/// For each place the least of all lengths, each plus the distance from where it was measured: a few rays miss a small thing
-/// nearby, the hemispheres next to it do not.
-///
-/// Depends on the set of places alone, and the result is its own result.
-pub(super) fn clamped(places: &[Measured]) -> Vec<f32> {
-    if places.is_empty() {
-        return Vec::new();
+/// Lengths where they were measured.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Neighbours {
+    places: Vec<Measured>,
+    order: Vec<u32>,
+    parts: Vec<Part>,
+}
+
+impl Neighbours {
+    pub(super) fn new(places: Vec<Measured>) -> Self {
+        let mut order: Vec<u32> = (0..places.len() as u32).collect();
+        let mut parts = Vec::new();
+        if !places.is_empty() {
+            divide(&places, &mut order, 0, &mut parts);
+        }
+        Self { places, order, parts }
     }
-    let mut order: Vec<u32> = (0..places.len() as u32).collect();
-    let mut parts = Vec::new();
-    divide(places, &mut order, 0, &mut parts);
-    places.par_iter().map(|&place| least(places, &order, &parts, place)).collect()
+
+    /// The least of all lengths, each plus the distance from `position` to where it was measured: a few rays miss a small
+    /// thing nearby, the hemispheres next to it do not. Infinite where there is none.
+    ///
+    /// A function of the set of places alone.
+    pub(super) fn least(&self, position: Vec3) -> f32 {
+        let mut best = f32::INFINITY;
+        let mut node = 0;
+        while let Some(part) = self.parts.get(node) {
+            let outside = (part.low - position).max(position - part.high).max(Vec3::ZERO).length();
+            if part.least + outside >= best {
+                node = part.next as usize;
+                continue;
+            }
+            for &i in &self.order[part.range.0 as usize..part.range.1 as usize] {
+                let (q, length) = self.places[i as usize];
+                best = best.min(length + position.distance(q));
+            }
+            node += 1;
+        }
+        best
+    }
+
+    /// [`Self::least`] at each place, in their order.
+    pub(super) fn clamped(&self) -> Vec<f32> {
+        self.places.par_iter().map(|&(position, _)| self.least(position)).collect()
+    }
 }
 
 /// A node of a tree over the places: its box, the least length in it, and the range of `order` it covers. The first child
 /// follows; `next` is the node after the whole subtree.
+#[derive(Clone, Debug)]
 struct Part {
     low: Vec3,
     high: Vec3,
@@ -59,24 +92,6 @@ fn divide(places: &[Measured], order: &mut [u32], first: u32, parts: &mut Vec<Pa
     parts[here].next = parts.len() as u32;
 }
 
-fn least(places: &[Measured], order: &[u32], parts: &[Part], (p, length): Measured) -> f32 {
-    let mut best = length;
-    let mut node = 0;
-    while let Some(part) = parts.get(node) {
-        let outside = (part.low - p).max(p - part.high).max(Vec3::ZERO).length();
-        if part.least + outside >= best {
-            node = part.next as usize;
-            continue;
-        }
-        for &i in &order[part.range.0 as usize..part.range.1 as usize] {
-            let (q, other) = places[i as usize];
-            best = best.min(other + p.distance(q));
-        }
-        node += 1;
-    }
-    best
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -90,17 +105,18 @@ mod tests {
                 .map(|_| (Vec3::new(rng.next_f32(), rng.next_f32(), 0.0), rng.next_f32().powi(3)))
                 .collect();
             places[0].1 = f32::INFINITY;
-            let found = clamped(&places);
+            let found = Neighbours::new(places.clone()).clamped();
             for (i, &(p, length)) in places.iter().enumerate() {
                 let want = places.iter().map(|&(q, other)| other + p.distance(q)).fold(length, f32::min);
                 assert_eq!(found[i], want);
             }
             let again: Vec<Measured> =
                 places.iter().zip(&found).map(|(&(p, _), &length)| (p, length)).collect();
-            for (a, b) in clamped(&again).iter().zip(&found) {
+            for (a, b) in Neighbours::new(again).clamped().iter().zip(&found) {
                 assert!((a - b).abs() <= 1e-6 || a == b);
             }
         }
-        assert!(clamped(&[]).is_empty());
+        assert!(Neighbours::default().clamped().is_empty());
+        assert_eq!(Neighbours::default().least(Vec3::ZERO), f32::INFINITY);
     }
 }

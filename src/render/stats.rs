@@ -66,7 +66,7 @@ pub struct MapStatistics {
 pub struct CacheStatistics {
     /// Records.
     pub records: u64,
-    /// Hemispheres gathered that were no longer needed when their turn came.
+    /// Hemispheres whose light was not finite and which were left out.
     pub rejected: u64,
     /// Rays and look-ups of filling it.
     pub counters: Counters,

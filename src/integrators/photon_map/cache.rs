@@ -5,7 +5,7 @@ use super::gather::Start;
 use super::walk::walk_specular;
 use super::{PhotonMapIntegrator, Vertex};
 use crate::bsdf::Bsdf;
-use crate::caches::{CacheSettings, Filling, Hemisphere, Record, Seen};
+use crate::caches::{CacheSettings, Filling, Hemisphere, Irradiance, Place, Record, Seen};
 use crate::camera::Camera;
 use crate::film::Aov;
 use crate::integrators::{Counters, Scratch};
@@ -17,9 +17,6 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// Pixels between the first candidates.
 const COARSEST: u32 = 32;
-
-/// Candidates of one pixel that get numbers of their own: surfaces seen over several specular paths.
-const PER_PIXEL: u64 = 64;
 
 /// What the cache is filled for.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +38,7 @@ pub struct CacheRequest<'a> {
 pub struct CachePass {
     /// Records in the cache.
     pub records: u64,
-    /// Hemispheres gathered that were no longer needed when their turn came.
+    /// Hemispheres whose light was not finite.
     pub rejected: u64,
     /// Rays and look-ups.
     pub counters: Counters,
@@ -102,27 +99,46 @@ impl PhotonMapIntegrator<'_> {
         for batch in batches() {
             let across = u64::from(width.div_ceil(batch.step));
             let grid = across * u64::from(height.div_ceil(batch.step));
-            let computed: Vec<(Vec<Record>, Counters)> = (0..grid)
+            // Where a record is wanted: places, and which surface of which pixel each is.
+            let found: Vec<(Vec<Candidate>, Counters)> = (0..grid)
                 .into_par_iter()
                 .filter_map(|index| batch.pixel(index, across))
                 .map_init(Scratch::default, |scratch, pixel| {
-                    if should_stop() {
-                        return (Vec::new(), Counters::default());
+                    let mut wanted = Vec::new();
+                    if !should_stop() {
+                        self.visit_pixel(request, pixel, scratch, |candidate, _, _| {
+                            if filling.wants(&candidate.place) {
+                                wanted.push(candidate);
+                            }
+                        });
                     }
-                    let records = self.records_of_pixel(request, pixel, &filling, scratch);
-                    (records, std::mem::take(&mut scratch.counters))
+                    (wanted, std::mem::take(&mut scratch.counters))
+                })
+                .collect();
+            done += found.len() as u64;
+            let mut candidates = Vec::new();
+            for (of_pixel, counters) in found {
+                candidates.extend(of_pixel);
+                pass.counters += counters;
+            }
+            let places: Vec<Place> = candidates.iter().map(|candidate| candidate.place).collect();
+            let computed: Vec<(Option<Record>, Counters)> = filling
+                .choose(&places)
+                .into_par_iter()
+                .map_init(Scratch::default, |scratch, chosen| {
+                    let record =
+                        if should_stop() { None } else { self.record(request, &candidates[chosen], scratch) };
+                    (record, std::mem::take(&mut scratch.counters))
                 })
                 .collect();
             if should_stop() {
                 return None;
             }
-            done += computed.len() as u64;
-            let mut records = Vec::new();
-            for (of_pixel, counters) in computed {
-                records.extend(of_pixel);
-                pass.counters += counters;
-            }
-            filling.accept(records);
+            pass.counters += computed.iter().fold(Counters::default(), |mut sum, &(_, counters)| {
+                sum += counters;
+                sum
+            });
+            filling.accept(computed.into_iter().filter_map(|(record, _)| record));
             advance(done);
         }
         pass.rejected = filling.rejected();
@@ -132,42 +148,35 @@ impl PhotonMapIntegrator<'_> {
         Some(pass)
     }
 
-    /// Hemispheres at all Lambertian surfaces that the middle of a pixel shows and no record reaches.
-    fn records_of_pixel(
+    /// Calls `visit` for each surface that the middle of a pixel shows and whose indirect light is interpolated.
+    fn visit_pixel(
         &self,
         request: &CacheRequest<'_>,
         (x, y): (u32, u32),
-        filling: &Filling,
         scratch: &mut Scratch,
-    ) -> Vec<Record> {
+        mut visit: impl FnMut(Candidate, &Vertex<'_>, &mut Scratch),
+    ) {
         let (width, height) = request.size;
         let size = Vec2::new(width as f32, height as f32);
         let at = |dx: f32| request.camera.ray((Vec2::new(x as f32, y as f32) + Vec2::new(dx, 0.5)) / size);
-        let ray = at(0.5);
         let pixel_angle = (at(1.0).direction - at(0.0).direction).length();
         let pixel = u64::from(y) * u64::from(width) + u64::from(x);
         let mut samples = SampleStream::new(mix(request.seed ^ Stream::IrradianceCache as u64), pixel, 0);
-        let mut records = Vec::new();
         let mut number = 0;
-        let (scene, medium, depth) = (self.scene, self.camera_medium, self.settings.max_depth);
-        let mut visit = |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
-            let candidate = pixel * PER_PIXEL + number;
-            number += u64::from(number + 1 < PER_PIXEL);
-            let (position, normal) = (vertex.hit.point.position, vertex.shading.frame.z);
-            if self.is_cached(vertex) && filling.wants(position, normal, vertex.medium) {
-                let rng = Rng::new(request.seed, Stream::IrradianceCache, candidate);
-                records.push(self.record(
-                    vertex,
-                    pixel_angle,
-                    Hemisphere::with_rays(request.rays),
-                    rng,
-                    scratch,
-                ));
+        let (medium, depth) = (self.camera_medium, self.settings.max_depth);
+        walk_specular(self.scene, at(0.5), medium, depth, &mut samples, scratch, &mut {
+            |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
+                if self.is_cached(vertex) {
+                    visit(
+                        Candidate { pixel: (x, y), number, place: place_of(vertex, pixel_angle) },
+                        vertex,
+                        scratch,
+                    );
+                }
+                number += 1;
+                [(Aov::Indirect, Rgb::ZERO)]
             }
-            [(Aov::Indirect, Rgb::ZERO)]
-        };
-        walk_specular(scene, ray, medium, depth, &mut samples, scratch, &mut visit);
-        records
+        });
     }
 
     /// Whether indirect light at a vertex is interpolated: at Lambertian surfaces that are computed accurately.
@@ -189,14 +198,34 @@ impl PhotonMapIntegrator<'_> {
         found.map(|irradiance| lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
+    /// The hemisphere over a candidate, which the camera ray of its pixel finds once more.
     fn record(
         &self,
+        request: &CacheRequest<'_>,
+        candidate: &Candidate,
+        scratch: &mut Scratch,
+    ) -> Option<Record> {
+        let mut record = None;
+        self.visit_pixel(request, candidate.pixel, scratch, |found, vertex, scratch| {
+            if found.number == candidate.number {
+                let (x, y) = candidate.pixel;
+                let pixel = u64::from(y) << 32 | u64::from(x);
+                let rng =
+                    Rng::new(request.seed, Stream::IrradianceCache, mix(pixel) ^ u64::from(found.number));
+                let irradiance = self.hemisphere(vertex, Hemisphere::with_rays(request.rays), rng, scratch);
+                record = Some(Record { place: found.place, irradiance });
+            }
+        });
+        record
+    }
+
+    fn hemisphere(
+        &self,
         vertex: &Vertex<'_>,
-        pixel_angle: f32,
         hemisphere: Hemisphere,
         mut rng: Rng,
         scratch: &mut Scratch,
-    ) -> Record {
+    ) -> Irradiance {
         let Vertex { hit, shading, .. } = *vertex;
         // Turned at random, so that the strata of neighbours do not line up.
         let frame = Frame::from_z(shading.frame.z);
@@ -213,15 +242,28 @@ impl PhotonMapIntegrator<'_> {
             let found = self.gather(vertex, &start, u, scratch);
             Seen { radiance: found.indirect, nearest: found.nearest, distance: found.distance }
         });
-        // The side of a square as large as the pixel on the surface; no longer than thrice the short side.
-        let cosine = hit.wo.dot(hit.point.normal).abs().max(0.1);
-        Record {
-            position: hit.point.position,
-            normal: shading.frame.z,
-            medium: vertex.medium,
-            footprint: pixel_angle * vertex.travelled / cosine.sqrt(),
-            irradiance: irradiance.turned(axes),
-        }
+        irradiance.turned(axes)
+    }
+}
+
+/// A place where a record may be wanted, and where it comes from.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    pixel: (u32, u32),
+    /// Which of the surfaces that the pixel shows over specular paths.
+    number: u32,
+    place: Place,
+}
+
+fn place_of(vertex: &Vertex<'_>, pixel_angle: f32) -> Place {
+    let hit = vertex.hit;
+    // The side of a square as large as the pixel on the surface; no longer than thrice the short side.
+    let cosine = hit.wo.dot(hit.point.normal).abs().max(0.1);
+    Place {
+        position: hit.point.position,
+        normal: vertex.shading.frame.z,
+        medium: vertex.medium,
+        footprint: pixel_angle * vertex.travelled / cosine.sqrt(),
     }
 }
 
