@@ -288,6 +288,9 @@ fn summary(
             map.seconds_tracing + map.seconds_building
         );
     }
+    if let Some(cache) = &statistics.cache {
+        eprintln!("irradiance cache: {} records, {:.2} s", cache.records, times.cache);
+    }
     eprintln!(
         "scene {:.2} s, photons {:.2} s, pixels {:.2} s; {} samples per pixel, mean ray depth {:.2}",
         times.scene, times.photons, times.pixels, statistics.samples, statistics.mean_depth

@@ -89,6 +89,40 @@ pub(crate) struct SettingsArgs {
     /// Longest path, in surfaces; what is cut off is counted, and told where it matters.
     #[arg(long, value_name = "N", value_parser = count_from_one)]
     max_depth: Option<u32>,
+
+    /// Whether indirect light of Lambertian surfaces is interpolated between few places.
+    #[arg(long, value_name = "BOOL")]
+    irradiance_cache: Option<bool>,
+
+    /// Largest error of that interpolation (Ward's a), 0.01 to 1: smaller is better and slower.
+    #[arg(long, value_name = "A", value_parser = cache_error)]
+    cache_error: Option<f32>,
+
+    /// Gather rays for each place of the cache.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
+    cache_samples: Option<u32>,
+
+    /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    accurate_distance: Option<f32>,
+
+    /// Paths of which less than this share arrives are evaluated from the maps alone.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    approximate_weight: Option<f32>,
+}
+
+fn cache_error(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(a) if (0.01..=1.0).contains(&a) => Ok(a),
+        _ => Err("the error is a number from 0.01 to 1".to_owned()),
+    }
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("a share is a number from 0 to 1".to_owned()),
+    }
 }
 
 /// A whole number, as people write large ones: `500000`, `500_000`, `500k`, `0.5M` or `5e5`.
@@ -182,6 +216,11 @@ impl SettingsArgs {
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
             max_depth: self.max_depth,
+            irradiance_cache: self.irradiance_cache,
+            cache_error: self.cache_error,
+            cache_samples: self.cache_samples,
+            accurate_distance: self.accurate_distance,
+            approximate_weight: self.approximate_weight,
         }
         .over(scene.clone())
     }

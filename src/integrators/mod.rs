@@ -10,7 +10,9 @@ mod specular;
 
 pub use direct::{DirectLighting, Reflected};
 pub use path::PathTracer;
-pub use photon_map::{PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons, visible_domain};
+pub use photon_map::{
+    CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons, visible_domain,
+};
 
 use crate::film::PixelSample;
 use crate::math::Ray;
@@ -70,6 +72,26 @@ pub struct Counters {
     pub medium_mismatches: u64,
     /// Segments traced, over all paths: divided by camera rays, the mean ray depth.
     pub depth_sum: u64,
+    /// Paths that ended in a look-up behind a diffuse reflection.
+    pub gather_paths: u64,
+    /// Segments of those paths, from the eye on: divided by their count, the mean depth of an image-sampling ray.
+    pub gather_path_segments: u64,
+    /// Evaluations of indirect light by interpolation in the irradiance cache.
+    pub cache_hits: u64,
+    /// Evaluations for which no record of the irradiance cache was near, and which gathered for themselves.
+    pub cache_misses: u64,
+    /// Accurate evaluations at surfaces seen by the eye or through specular ones.
+    pub accurate_seen: u64,
+    /// Accurate evaluations behind a diffuse reflection because the surface is close by.
+    pub accurate_close: u64,
+    /// Accurate evaluations behind a diffuse reflection because photons are too few: recursive sampling.
+    pub accurate_poor: u64,
+    /// Approximate evaluations: behind a diffuse reflection.
+    pub approximate_diffuse: u64,
+    /// Approximate evaluations because the path carries little.
+    pub approximate_weight: u64,
+    /// Approximate evaluations from too few photons because a recursion had to end.
+    pub approximate_poor: u64,
 }
 
 impl AddAssign for Counters {
@@ -89,6 +111,16 @@ impl AddAssign for Counters {
         self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
         self.depth_sum += other.depth_sum;
+        self.gather_paths += other.gather_paths;
+        self.gather_path_segments += other.gather_path_segments;
+        self.cache_hits += other.cache_hits;
+        self.cache_misses += other.cache_misses;
+        self.accurate_seen += other.accurate_seen;
+        self.accurate_close += other.accurate_close;
+        self.accurate_poor += other.accurate_poor;
+        self.approximate_diffuse += other.approximate_diffuse;
+        self.approximate_weight += other.approximate_weight;
+        self.approximate_poor += other.approximate_poor;
     }
 }
 

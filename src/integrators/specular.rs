@@ -21,6 +21,8 @@ pub(super) struct Branch {
     pub drawn: Option<Drawn>,
     /// Whether a highly glossy lobe drew this ray.
     pub is_glossy: bool,
+    /// Way from the eye to where the ray starts.
+    pub travelled: f32,
 }
 
 /// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
@@ -92,5 +94,6 @@ fn push(
         share: parent.share * share,
         drawn: None,
         is_glossy: false,
+        travelled: parent.travelled + hit.distance,
     });
 }

@@ -3,10 +3,12 @@
 use super::maps::{PassOne, build_maps, is_worth_a_warning};
 use super::observer::Observer;
 use super::settings::Settings;
-use super::stats::{Statistics, Times};
+use super::stats::{CacheStatistics, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
-use crate::integrators::{Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShowPhotons};
+use crate::integrators::{
+    CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShowPhotons,
+};
 use crate::math::Rgb;
 use crate::sampling::SampleStream;
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
@@ -88,19 +90,32 @@ pub fn render(
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
     }
-    let plan = RenderPlan::new(scene, settings.integrator, settings.map);
+    let plan =
+        RenderPlan::new(scene, settings.integrator, settings.map).with_cache(settings.irradiance_cache);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
     let Some(pass_one) = build_maps(scene, &plan, settings, observer) else {
         let statistics = statistics(scene, settings, plan, PassOne::default());
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     };
-    let start = Instant::now();
+    let mut start = Instant::now();
+    let mut seconds_cache = 0.0;
+    let mut cache = None;
     let medium = scene.medium_at(camera.eye());
     let reading = settings.photon_map_settings(scene.bounds().1);
     let integrator: Box<dyn Integrator + '_> = match settings.integrator {
         IntegratorKind::PhotonMap => {
-            Box::new(PhotonMapIntegrator::new(scene, &pass_one.maps, &plan, reading, medium))
+            let mut integrator = PhotonMapIntegrator::new(scene, &pass_one.maps, &plan, reading, medium);
+            if plan.irradiance_cache.build {
+                cache = fill_cache(&mut integrator, camera, request, observer);
+                if cache.is_none() {
+                    let statistics = statistics(scene, settings, plan, pass_one);
+                    return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
+                }
+                seconds_cache = start.elapsed().as_secs_f64();
+                start = Instant::now();
+            }
+            Box::new(integrator)
         }
         IntegratorKind::Photons => {
             Box::new(ShowPhotons::new(scene, &pass_one.maps, settings.map, reading, medium))
@@ -113,11 +128,37 @@ pub fn render(
     let mut statistics = statistics(scene, settings, plan, pass_one);
     statistics.times.pixels = start.elapsed().as_secs_f64();
     statistics.mean_depth = counters.depth_sum as f64 / counters.camera_rays.max(1) as f64;
+    statistics.times.cache = seconds_cache;
+    let filling = cache.map(|cache| cache.counters).unwrap_or_default();
+    let segments = counters.gather_path_segments + filling.gather_path_segments;
+    statistics.mean_path_depth =
+        segments as f64 / (counters.gather_paths + filling.gather_paths).max(1) as f64;
+    statistics.cache = cache;
     statistics.counters = counters;
     statistics.samples = film.sample_count() / film.rect().area().max(1) as u64;
     statistics.rejected_samples = film.rejections().samples;
     warn(&mut statistics, scene);
     Ok(Rendered { film, statistics, stopped: (!finished).then_some(Stop::DuringPixels) })
+}
+
+/// Fills the irradiance cache for the whole picture, whatever part of it is rendered. `None` where it was stopped.
+fn fill_cache(
+    integrator: &mut PhotonMapIntegrator<'_>,
+    camera: &Camera,
+    request: &RenderRequest,
+    observer: &dyn Observer,
+) -> Option<CacheStatistics> {
+    let RenderRequest { width, height, settings, .. } = request;
+    observer.begin("filling the irradiance cache", u64::from(*width) * u64::from(*height));
+    let filling = CacheRequest {
+        camera,
+        size: (*width, *height),
+        seed: settings.seed,
+        error: settings.cache_error,
+        rays: settings.cache_samples,
+    };
+    let pass = integrator.fill_cache(&filling, &|| observer.should_stop(), &|done| observer.advance(done))?;
+    Some(CacheStatistics { records: pass.records, rejected: pass.rejected, counters: pass.counters })
 }
 
 fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: PassOne) -> Statistics {
@@ -126,13 +167,15 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         scene: scene.name().to_owned(),
         settings: settings.clone(),
         plan,
-        times: Times { scene: 0.0, photons: pass_one.seconds, pixels: 0.0 },
+        times: Times { scene: 0.0, photons: pass_one.seconds, cache: 0.0, pixels: 0.0 },
         threads: rayon::current_num_threads(),
         samples: 0,
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
         maps: pass_one.statistics,
+        cache: None,
         counters: Counters::default(),
         mean_depth: 0.0,
+        mean_path_depth: 0.0,
         rejected_samples: 0,
         warnings: pass_one.warnings,
     }

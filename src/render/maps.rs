@@ -59,6 +59,8 @@ impl Settings {
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
             max_depth: self.max_depth,
+            accurate_distance: self.accurate_distance * scene_radius,
+            approximate_weight: self.approximate_weight,
         }
     }
 }

@@ -58,6 +58,16 @@ pub struct Overrides {
     pub visible_kernel: Option<bool>,
     /// Longest path, in surfaces, after which light is counted as truncated.
     pub max_depth: Option<u32>,
+    /// Whether indirect light of Lambertian surfaces is interpolated between few places (Ward & Heckbert 1992).
+    pub irradiance_cache: Option<bool>,
+    /// Largest error of that interpolation after Ward, Rubinstein & Clear 1988, their `a`.
+    pub cache_error: Option<f32>,
+    /// Gather rays for each place of the cache.
+    pub cache_samples: Option<u32>,
+    /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
+    pub accurate_distance: Option<f32>,
+    /// Paths of which less than this share arrives are evaluated from the maps alone.
+    pub approximate_weight: Option<f32>,
 }
 
 impl Overrides {
@@ -82,6 +92,11 @@ impl Overrides {
             light_samples: self.light_samples.or(below.light_samples),
             visible_kernel: self.visible_kernel.or(below.visible_kernel),
             max_depth: self.max_depth.or(below.max_depth),
+            irradiance_cache: self.irradiance_cache.or(below.irradiance_cache),
+            cache_error: self.cache_error.or(below.cache_error),
+            cache_samples: self.cache_samples.or(below.cache_samples),
+            accurate_distance: self.accurate_distance.or(below.accurate_distance),
+            approximate_weight: self.approximate_weight.or(below.approximate_weight),
         }
     }
 }
@@ -126,6 +141,16 @@ pub struct Settings {
     pub visible_kernel: bool,
     /// Longest path, in surfaces.
     pub max_depth: u32,
+    /// Whether indirect light of Lambertian surfaces is interpolated between few places (Ward & Heckbert 1992).
+    pub irradiance_cache: bool,
+    /// Largest error of that interpolation after Ward, Rubinstein & Clear 1988, their `a`.
+    pub cache_error: f32,
+    /// Gather rays for each place of the cache.
+    pub cache_samples: u32,
+    /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
+    pub accurate_distance: f32,
+    /// Paths of which less than this share arrives are evaluated from the maps alone.
+    pub approximate_weight: f32,
 }
 
 impl Quality {
@@ -136,6 +161,11 @@ impl Quality {
             Self::Preview => (16, 8, 200_000, 500_000, 60),
             Self::Final => (64, 8, 500_000, 5_000_000, 80),
             Self::Reference => (1024, 8, 4_000_000, 20_000_000, 100),
+        };
+        let (cache_error, cache_samples) = match self {
+            Self::Draft => (0.3, 128),
+            Self::Preview => (0.2, 256),
+            Self::Final | Self::Reference => (0.15, 512),
         };
         Settings {
             quality: self,
@@ -157,6 +187,11 @@ impl Quality {
             visible_kernel: true,
             // Reached with probability 1e-4 where everything reflects 99.9 %.
             max_depth: 10_000,
+            irradiance_cache: self != Self::Reference,
+            cache_error,
+            cache_samples,
+            accurate_distance: 0.02,
+            approximate_weight: 0.01,
         }
     }
 }
@@ -186,6 +221,11 @@ impl From<&Overrides> for Settings {
                 .visible_kernel
                 .unwrap_or(preset.visible_kernel && asked.estimator != Some(Estimator::AsPrinted)),
             max_depth: asked.max_depth.unwrap_or(preset.max_depth),
+            irradiance_cache: asked.irradiance_cache.unwrap_or(preset.irradiance_cache),
+            cache_error: asked.cache_error.unwrap_or(preset.cache_error),
+            cache_samples: asked.cache_samples.unwrap_or(preset.cache_samples),
+            accurate_distance: asked.accurate_distance.unwrap_or(preset.accurate_distance),
+            approximate_weight: asked.approximate_weight.unwrap_or(preset.approximate_weight),
         }
     }
 }

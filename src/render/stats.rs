@@ -9,6 +9,8 @@ pub struct Times {
     pub scene: f64,
     /// Pass 1.
     pub photons: f64,
+    /// Filling the irradiance cache.
+    pub cache: f64,
     /// Pass 2.
     pub pixels: f64,
 }
@@ -59,6 +61,17 @@ pub struct MapStatistics {
     pub lights: Vec<PhotonStatistics>,
 }
 
+/// The irradiance cache.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CacheStatistics {
+    /// Records.
+    pub records: u64,
+    /// Hemispheres whose light was not finite and which were left out.
+    pub rejected: u64,
+    /// Rays and look-ups of filling it.
+    pub counters: Counters,
+}
+
 /// Everything that `--stats` writes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Statistics {
@@ -80,10 +93,15 @@ pub struct Statistics {
     pub maps: Vec<MapStatistics>,
     /// Bytes of precomputed irradiance.
     pub irradiance_bytes: u64,
+    /// The irradiance cache, where there is one.
+    pub cache: Option<CacheStatistics>,
     /// Rays and look-ups of pass 2.
     pub counters: Counters,
     /// Segments per camera ray: the mean ray depth.
     pub mean_depth: f64,
+    /// Segments from the eye to the look-up behind a diffuse reflection, mean over these paths (filling the cache included):
+    /// the mean depth of image-sampling rays of section 6 of Jensen 1996. Zero where there are none.
+    pub mean_path_depth: f64,
     /// Samples that were not finite and were left out.
     pub rejected_samples: u64,
     /// Warnings.

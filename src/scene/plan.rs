@@ -63,6 +63,8 @@ pub struct RenderPlan {
     pub final_gather: Decision,
     /// Distribution rays from highly glossy surfaces.
     pub glossy_sampling: Decision,
+    /// Indirect light of Lambertian surfaces, gathered at few places and interpolated.
+    pub irradiance_cache: Decision,
     /// Shadow rays to sampled points of lights.
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
@@ -89,6 +91,7 @@ impl RenderPlan {
                 IntegratorKind::Path => Decision::no("path tracing needs no maps"),
             },
             glossy_sampling: facts.glossy_sampling(integrator),
+            irradiance_cache: facts.irradiance_cache(integrator),
             light_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 _ if !facts.lit => Decision::no("there is no light"),
@@ -117,13 +120,23 @@ impl RenderPlan {
         }
     }
 
+    /// The same without the irradiance cache unless it is `wanted`.
+    #[must_use]
+    pub fn with_cache(mut self, wanted: bool) -> Self {
+        if !wanted && self.irradiance_cache.build {
+            self.irradiance_cache = Decision::no("switched off: every camera sample gathers for itself");
+        }
+        self
+    }
+
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 7] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 8] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
             ("final gathering", &self.final_gather),
             ("glossy sampling", &self.glossy_sampling),
+            ("irradiance cache", &self.irradiance_cache),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
             ("absorption", &self.absorption),
@@ -135,6 +148,7 @@ impl RenderPlan {
 struct Facts {
     lit: bool,
     diffuse: usize,
+    lambert: usize,
     specular: usize,
     glossy: usize,
     absorbing: usize,
@@ -150,6 +164,7 @@ impl Facts {
         Self {
             lit: scene.light_power().is_some(),
             diffuse: count(Material::has_diffuse),
+            lambert: count(|m| m.has_diffuse() && matches!(m, Material::Lambert { .. })),
             specular: count(Material::is_specular),
             glossy: count(Material::has_glossy),
             absorbing: scene.media().iter().filter(|medium| !medium.is_clear()).count(),
@@ -188,6 +203,21 @@ impl Facts {
             IntegratorKind::Path => Decision::no("path tracing follows one direction at a time"),
             _ => Decision::yes(format!(
                 "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
+            )),
+        }
+    }
+
+    fn irradiance_cache(&self, integrator: IntegratorKind) -> Decision {
+        match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            IntegratorKind::Path => Decision::no("path tracing needs no maps"),
+            IntegratorKind::PhotonMap if !self.lit => Decision::no("there is no light"),
+            IntegratorKind::PhotonMap if self.lambert == 0 => {
+                Decision::no("no Lambertian surface: indirect light depends on the direction of view")
+            }
+            IntegratorKind::PhotonMap => Decision::yes(format!(
+                "indirect light changes slowly over {} Lambertian surface(s)",
+                self.lambert
             )),
         }
     }

@@ -47,6 +47,7 @@ pub(super) fn push_scattered(
             medium,
             depth: parent.depth + 1,
             share: parent.share * share,
+            travelled: parent.travelled + hit.distance,
             drawn: lights
                 .filter(|_| is_glossy)
                 .map(|_| Drawn { from: hit.point.position, pdf: sample.pdf_solid_angle }),

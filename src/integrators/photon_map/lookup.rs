@@ -4,7 +4,7 @@ use super::PhotonMapSettings;
 use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::Scratch;
 use crate::math::Rgb;
-use crate::photons::{EstimateParams, FEELERS, KernelDomain, PhotonMap, Query};
+use crate::photons::{Estimate, EstimateParams, FEELERS, KernelDomain, PhotonMap, Query};
 use crate::scene::{Scene, Shading};
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -13,10 +13,21 @@ use std::f32::consts::FRAC_1_PI;
 pub(super) fn reflected(
     scene: &Scene,
     reading: &PhotonMapSettings,
-    (map, query, params): (&PhotonMap, &Query, &EstimateParams),
+    what: (&PhotonMap, &Query, &EstimateParams),
     shading: &Shading,
     scratch: &mut Scratch,
 ) -> Rgb {
+    reflected_estimate(scene, reading, what, shading, scratch).value
+}
+
+/// The same radiance, with the count of photons it rests on and their radius.
+pub(super) fn reflected_estimate(
+    scene: &Scene,
+    reading: &PhotonMapSettings,
+    (map, query, params): (&PhotonMap, &Query, &EstimateParams),
+    shading: &Shading,
+    scratch: &mut Scratch,
+) -> Estimate {
     let Scratch { photons, counters, .. } = scratch;
     let domain = |radius| {
         if !reading.visible_kernel {
@@ -27,13 +38,13 @@ pub(super) fn reflected(
     };
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
     if let Some(lambert) = shading.bsdf.lambertian() {
-        let irradiance = map.estimate_irradiance_visible(query, params, photons, domain).value;
-        return lambert.reflectance * irradiance * FRAC_1_PI;
+        let estimate = map.estimate_irradiance_visible(query, params, photons, domain);
+        return Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate };
     }
     let wo = shading.wo_local;
     let f =
         |wi: Vec3| shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance);
-    map.estimate_radiance_visible(query, params, photons, domain, f).value
+    map.estimate_radiance_visible(query, params, photons, domain, f)
 }
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.

@@ -1,17 +1,20 @@
 //! The two-pass method of Jensen 1996: what the camera sees is computed accurately, what lies behind the next diffuse
 //! reflection is read from the photon maps.
 
+mod cache;
 mod gather;
 mod glossy;
 mod lookup;
 mod show;
 mod walk;
 
+pub use cache::{CachePass, CacheRequest};
 pub use lookup::visible_domain;
 pub use show::ShowPhotons;
 
 use super::direct::{DirectLighting, Reflected};
 use super::{Integrator, Scratch};
+use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
@@ -47,6 +50,11 @@ pub struct PhotonMapSettings {
     pub visible_kernel: bool,
     /// Surfaces that a chain of specular reflections may have.
     pub max_depth: u32,
+    /// Behind a diffuse reflection, surfaces nearer than this are computed accurately (Jensen 1996, section 4), render
+    /// space.
+    pub accurate_distance: f32,
+    /// Paths that carry less than this are evaluated from the maps alone.
+    pub approximate_weight: f32,
 }
 
 impl PhotonMapSettings {
@@ -89,6 +97,7 @@ pub struct PhotonMapIntegrator<'a> {
     direct: DirectLighting<'a>,
     bsdf_sampling: bool,
     camera_medium: MediumId,
+    cache: Option<IrradianceCache>,
 }
 
 /// A surface with a diffuse or a highly glossy lobe that is computed accurately.
@@ -98,6 +107,12 @@ struct Vertex<'a> {
     medium: MediumId,
     /// Share of the camera sample that arrives here: scales the number of gather rays.
     share: f32,
+    /// What light from here is multiplied by on its way to the eye, brightest channel.
+    weight: f32,
+    /// Segments from the eye to here.
+    depth: u32,
+    /// Way from the eye to here.
+    travelled: f32,
 }
 
 impl<'a> PhotonMapIntegrator<'a> {
@@ -111,7 +126,7 @@ impl<'a> PhotonMapIntegrator<'a> {
     ) -> Self {
         let bsdf_sampling = plan.bsdf_sampling.build;
         let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling);
-        Self { scene, maps, settings, direct, bsdf_sampling, camera_medium }
+        Self { scene, maps, settings, direct, bsdf_sampling, camera_medium, cache: None }
     }
 
     /// Third integral: the caustic map, shown directly.
@@ -136,6 +151,18 @@ impl<'a> PhotonMapIntegrator<'a> {
     ) -> [(Aov, Rgb); 4] {
         let Vertex { hit, shading, medium, .. } = *vertex;
         let (has_diffuse, has_glossy) = (shading.bsdf.has_diffuse(), shading.bsdf.has_glossy());
+        let is_light = !has_glossy && vertex.depth > 1 && vertex.weight < self.settings.approximate_weight;
+        if is_light && let Some(radiance) = self.approximate(hit, shading, scratch) {
+            scratch.counters.approximate_weight += 1;
+            let nothing = |aov: Aov| (aov, Rgb::ZERO);
+            return [
+                nothing(Aov::Direct),
+                nothing(Aov::Specular),
+                nothing(Aov::Caustics),
+                (Aov::Indirect, radiance),
+            ];
+        }
+        scratch.counters.accurate_seen += u64::from(has_diffuse);
         let by_light = if has_diffuse || has_glossy {
             self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters)
         } else {

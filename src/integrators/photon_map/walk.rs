@@ -45,6 +45,7 @@ pub(super) fn walk_specular<const N: usize>(
         medium,
         depth: 0,
         share: 1.0,
+        travelled: 0.0,
         drawn: None,
         is_glossy: false,
     });
@@ -83,7 +84,15 @@ pub(super) fn walk_specular<const N: usize>(
         if bsdf.is_delta() {
             continue;
         }
-        let vertex = Vertex { hit: &hit, shading: &shading, medium: branch.medium, share: branch.share };
+        let vertex = Vertex {
+            hit: &hit,
+            shading: &shading,
+            medium: branch.medium,
+            share: branch.share,
+            weight: branch.throughput.max_element(),
+            depth: branch.depth + 1,
+            travelled: branch.travelled + hit.distance,
+        };
         for (aov, radiance) in shade(&vertex, samples, scratch) {
             out.add(part(aov), branch.throughput * radiance);
         }

@@ -27,6 +27,10 @@ const STOPS: Expected =
     Expected { what: "a number of stops from -100 to 100", example: "1.0", holds: |x| x.abs() <= 100.0 };
 const CONE_CONSTANT: Expected =
     Expected { what: "a number from 1 to 1000", example: "1.1", holds: |x| (1.0..=1000.0).contains(&x) };
+const CACHE_ERROR: Expected =
+    Expected { what: "a number from 0.01 to 1", example: "0.2", holds: |x| (0.01..=1.0).contains(&x) };
+const SHARE: Expected =
+    Expected { what: "a share from 0 to 1", example: "0.02", holds: |x| (0.0..=1.0).contains(&x) };
 
 pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescription> {
     let context = table.context();
@@ -172,6 +176,12 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
     let max_depth = table.optional("max-depth", count(1, MANY));
+    let share = |limits: &'static Expected| move |value: Value<'_>| value.number(limits).map(|x| x as f32);
+    let irradiance_cache = table.optional("irradiance-cache", |value| value.boolean());
+    let cache_error = table.optional("cache-error", share(&CACHE_ERROR));
+    let cache_samples = table.optional("cache-samples", count(4, MANY));
+    let accurate_distance = table.optional("accurate-distance", share(&SHARE));
+    let approximate_weight = table.optional("approximate-weight", share(&SHARE));
     table.finish();
     Some(Overrides {
         quality: quality?,
@@ -192,6 +202,11 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
         max_depth: max_depth?,
+        irradiance_cache: irradiance_cache?,
+        cache_error: cache_error?,
+        cache_samples: cache_samples?,
+        accurate_distance: accurate_distance?,
+        approximate_weight: approximate_weight?,
     })
 }
 
