@@ -20,3 +20,4 @@ pub mod sampling;
 pub mod scene;
 pub mod scene_file;
 pub mod shapes;
+pub mod textures;
