@@ -21,3 +21,4 @@ pub mod sampling;
 pub mod scene;
 pub mod scene_file;
 pub mod shapes;
+pub mod textures;

@@ -32,6 +32,12 @@ pub struct Schlick {
 }
 
 impl Schlick {
+    /// The same with its colour multiplied by `tint`, in `[0, 1]`.
+    pub fn tinted(mut self, tint: Rgb) -> Self {
+        self.colour *= tint;
+        self
+    }
+
     /// True where a rotation about the normal changes anything.
     #[inline]
     pub fn is_anisotropic(&self) -> bool {

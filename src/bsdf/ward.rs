@@ -29,6 +29,12 @@ pub struct Ward {
 const SMALLEST_ROUGHNESS: f32 = super::SMOOTH_ROUGHNESS;
 
 impl Ward {
+    /// The same with its diffuse part multiplied by `tint`, in `[0, 1]`.
+    pub fn tinted(mut self, tint: Rgb) -> Self {
+        self.diffuse *= tint;
+        self
+    }
+
     /// True where a rotation about the normal changes anything.
     #[inline]
     pub fn is_anisotropic(&self) -> bool {

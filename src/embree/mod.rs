@@ -16,6 +16,6 @@ mod scene;
 mod triangles;
 
 pub use device::{Device, EmbreeError, LibraryVersion};
-pub use procedural::{Procedural, SurfacePoint};
+pub use procedural::{ObjectHit, Procedural, SurfacePoint};
 pub use scene::{CommittedScene, GeometryId, RawHit, SceneBuilder};
 pub use triangles::{TriangleBuffers, TriangleError};

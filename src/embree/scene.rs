@@ -321,10 +321,10 @@ fn ray_of(ray: &Ray) -> sys::RTCRay {
 
 #[cfg(test)]
 mod tests {
-    use super::super::SurfacePoint;
+    use super::super::ObjectHit;
     use super::*;
     use crate::math::Bounds3;
-    use glam::{DVec3, Vec2, Vec3};
+    use glam::{DVec3, Vec3};
 
     fn triangle() -> TriangleBuffers {
         TriangleBuffers::new(vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])
@@ -342,23 +342,10 @@ mod tests {
             Bounds3 { min: DVec3::new(0.0, 0.0, -1e-6), max: DVec3::new(1.0, 1.0, 1e-6) }
         }
 
-        fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
+        fn nearest(&self, _primitive: u32, ray: &Ray) -> Option<ObjectHit> {
             assert!(ray.origin.x < self.limit, "on purpose");
-            let t = -ray.origin.z / ray.direction.z;
-            (t > 0.0 && t <= ray.t_max).then_some(t)
-        }
-
-        fn intersect_all(&self, primitive: u32, ray: &Ray, hits: &mut Vec<f32>) {
-            hits.extend(self.intersect(primitive, ray));
-        }
-
-        fn refine(&self, _primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
-            SurfacePoint {
-                position: ray.at(t).as_dvec3().with_z(0.0),
-                error: Vec3::ZERO,
-                normal: DVec3::Z,
-                uv: Vec2::ZERO,
-            }
+            let t = f64::from(-ray.origin.z / ray.direction.z);
+            (t > 0.0 && t <= f64::from(ray.t_max)).then_some(ObjectHit { t, normal: DVec3::Z, error: 1e-7 })
         }
     }
 

@@ -4,10 +4,12 @@ mod material;
 mod plan;
 mod render_space;
 mod surface;
+mod texture;
 mod world;
 
 pub use material::{Material, Tangent};
 pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan};
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
+pub use texture::{Bump, MaterialTexture};
 pub use world::{Geometry, Mesh, Node, Scene, SceneParts, Surface};

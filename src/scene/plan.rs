@@ -159,7 +159,8 @@ struct Facts {
 impl Facts {
     fn of(scene: &Scene) -> Self {
         let count = |test: fn(&Material) -> bool| {
-            scene.surfaces().iter().filter(|s| test(&scene.materials()[s.material as usize].1)).count()
+            let tests = |material: u32| test(&scene.materials()[material as usize].1);
+            scene.surfaces().iter().filter(|surface| surface.all_materials().any(tests)).count()
         };
         Self {
             lit: scene.light_power().is_some(),

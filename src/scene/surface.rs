@@ -1,6 +1,7 @@
 //! Points on surfaces, with the error bounds that make ray offsets unnecessary to tune.
 
 use super::material::Material;
+use super::texture::tinted;
 use crate::bsdf::Bsdf;
 use crate::embree::SurfacePoint;
 use crate::math::rounding::UNIT_ROUNDOFF;
@@ -227,6 +228,10 @@ pub struct SurfaceInteraction {
     pub surface: u32,
     /// Primitive of the surface.
     pub primitive: u32,
+    /// Index of the material in [`super::Scene::materials`]: that of the surface, or of the part that was hit.
+    pub material: u32,
+    /// Factor on the material's reflectance: the colour of its texture here, or 1.
+    pub tint: Rgb,
 }
 
 impl SurfaceInteraction {
@@ -248,7 +253,10 @@ impl SurfaceInteraction {
     pub fn shading(&self, material: &Material) -> Shading {
         let front = self.is_front();
         let turned = |n: Vec3| if front { n } else { -n };
-        let (bsdf, keeps_side) = material.bsdf(front);
+        let (mut bsdf, keeps_side) = material.bsdf(front);
+        if self.tint != Rgb::ONE {
+            bsdf = tinted(bsdf, self.tint);
+        }
         let (geometric, mut shading) = if keeps_side {
             (self.point.normal, self.shading_normal)
         } else {
@@ -293,7 +301,7 @@ pub struct Shading {
 
 /// A point on a light for a shadow ray to end at, moved off the light's surface towards `from`.
 pub fn shadow_target(position: DVec3, error: Vec3, normal: Vec3, from: Vec3) -> Vec3 {
-    let point = SurfacePoint { position, error, normal: normal.as_dvec3(), uv: Vec2::ZERO };
+    let point = SurfacePoint::new(position, error, normal.as_dvec3(), Vec2::ZERO);
     let point = HitPoint::on_procedural(&point);
     point.moved_towards(from - point.position)
 }

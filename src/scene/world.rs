@@ -3,9 +3,10 @@
 use super::material::Material;
 use super::render_space::RenderSpace;
 use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
+use super::texture::MaterialTexture;
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
 use crate::lights::{Light, LightId};
-use crate::math::{Ray, unit};
+use crate::math::{Ray, Rgb, unit};
 use crate::media::{AIR, Medium, MediumId};
 use crate::sampling::{Distribution1D, Sobol, warp};
 use glam::{Vec3, Vec3A};
@@ -55,8 +56,18 @@ pub struct Surface {
     pub flip_normal: bool,
     /// Index into [`Scene::materials`].
     pub material: u32,
+    /// The same for each part of an object whose parts differ; empty where they do not.
+    pub part_materials: Vec<u32>,
     /// The light that this surface is, if it emits.
     pub light: Option<LightId>,
+}
+
+impl Surface {
+    /// All materials that the surface has somewhere.
+    pub fn all_materials(&self) -> impl Iterator<Item = u32> + '_ {
+        let own = self.part_materials.is_empty().then_some(self.material);
+        own.into_iter().chain(self.part_materials.iter().copied())
+    }
 }
 
 /// What stands behind a geometry number of the top-level Embree scene.
@@ -86,6 +97,8 @@ pub struct SceneParts {
     pub surfaces: Vec<Surface>,
     /// Materials and their names.
     pub materials: Vec<(String, Material)>,
+    /// Textures by material; may be shorter than the materials, and empty where there are none.
+    pub textures: Vec<MaterialTexture>,
     /// Media; the first is air.
     pub media: Vec<Medium>,
     /// Lights.
@@ -142,7 +155,7 @@ impl Scene {
     /// Material of a hit.
     #[inline]
     pub fn material(&self, interaction: &SurfaceInteraction) -> &Material {
-        &self.parts.materials[self.surface(interaction).material as usize].1
+        &self.parts.materials[interaction.material as usize].1
     }
 
     /// Media; index 0 is air.
@@ -225,10 +238,24 @@ impl Scene {
                 let point = HitPoint::on_triangle(corners, hit.uv)
                     .unwrap_or_else(|| flat_hit(corners, -ray.direction));
                 let shading_normal = mesh.shading_normal(hit.primitive, hit.uv, point.normal);
-                return found(ray, hit, *index, surface, point, shading_normal);
+                let found = found(ray, hit, *index, surface, point, shading_normal);
+                return if self.parts.textures.is_empty() { found } else { self.textured(found) };
             }
         }
-        self.general_interaction(ray, hit)
+        self.textured(self.general_interaction(ray, hit))
+    }
+
+    /// The hit with the textures of its material looked up.
+    fn textured(&self, mut hit: SurfaceInteraction) -> SurfaceInteraction {
+        if let Some(texture) = self.texture_of(hit.material) {
+            texture.apply(&mut hit, &self.parts.space);
+        }
+        hit
+    }
+
+    /// Textures of a material, if it has any.
+    fn texture_of(&self, material: u32) -> Option<&MaterialTexture> {
+        self.parts.textures.get(material as usize).filter(|texture| !texture.is_plain())
     }
 
     /// What a photon needs of its hit where that is as simple as most are: a flat triangle of a Lambert surface,
@@ -244,6 +271,9 @@ impl Scene {
         else {
             return None;
         };
+        if self.texture_of(surface.material).is_some() {
+            return None;
+        }
         let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?;
         let cosine = -point.normal.dot(Vec3A::from(ray.direction));
         let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
@@ -260,6 +290,7 @@ impl Scene {
             Node::Instance { first, placement } => (first + hit.geometry, Some(placement)),
         };
         let surface = &self.parts.surfaces[index as usize];
+        let mut part = 0;
         let (mut point, mut shading_normal) = match &surface.geometry {
             Geometry::Mesh(mesh) => {
                 let corners = mesh.buffers.corners(hit.primitive);
@@ -269,8 +300,9 @@ impl Scene {
             }
             Geometry::Procedural(object) => {
                 let local = placement.map_or(*ray, |placement| placement.ray_to_object(ray));
-                let point = HitPoint::on_procedural(&object.refine(hit.primitive, &local, hit.t));
-                (point, point.normal)
+                let refined = object.refine(hit.primitive, &local, hit.t);
+                part = refined.part;
+                (HitPoint::on_procedural(&refined), refined.shading_normal.as_vec3())
             }
         };
         if let Some(placement) = placement {
@@ -278,7 +310,11 @@ impl Scene {
             point = point.transformed(placement);
             shading_normal = if is_flat { point.normal } else { placement.normal_to_world(shading_normal) };
         }
-        found(ray, hit, index, surface, point, shading_normal)
+        let mut found = found(ray, hit, index, surface, point, shading_normal);
+        if let Some(&material) = surface.part_materials.get(part as usize) {
+            found.material = material;
+        }
+        found
     }
 
     /// How far the surface at `position`, with the unit `normal`, goes on along the unit `tangent`, as seen from that
@@ -411,6 +447,8 @@ fn found(
         distance: hit.t,
         surface: index,
         primitive: hit.primitive,
+        material: surface.material,
+        tint: Rgb::ONE,
     }
 }
 

@@ -6,6 +6,8 @@ use crate::bsdf::Bsdf;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
 use crate::scene::Tangent;
+use crate::shapes::{Csg, TerrainNoise};
+use crate::textures::SolidTexture;
 use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
 use std::path::PathBuf;
@@ -72,8 +74,12 @@ pub struct SceneDescription {
     pub render: Overrides,
     /// Media by name; `air` (index of refraction 1, no absorption) always exists and comes first.
     pub media: Vec<Named<MediumDescription>>,
+    /// Solid textures by name.
+    pub textures: Vec<Named<SolidTexture>>,
     /// Materials by name.
     pub materials: Vec<Named<MaterialDescription>>,
+    /// Textures of each material; may be shorter than `materials`.
+    pub looks: Vec<MaterialLook>,
     /// Shapes, some of which emit, some of which belong to groups.
     pub shapes: Vec<Named<ShapeDescription>>,
     /// Groups that instances place; a group by itself is not in the picture.
@@ -211,6 +217,15 @@ pub enum MaterialDescription {
     },
 }
 
+/// Textures of a material: indices into [`SceneDescription::textures`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MaterialLook {
+    /// Factor on the reflectance.
+    pub colour: Option<usize>,
+    /// What tilts the shading normal, and its height in metres.
+    pub bump: Option<(usize, f64)>,
+}
+
 /// Light that a surface emits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionDescription {
@@ -306,6 +321,35 @@ pub enum GeometryDescription {
         normal: DVec3,
         /// Radius.
         radius: f64,
+    },
+    /// Closed bodies combined, or one alone.
+    Csg {
+        /// The object.
+        object: Csg,
+        /// Material of each of its parts, where it differs from that of the shape.
+        materials: Vec<Option<usize>>,
+    },
+    /// A sphere flake.
+    SphereFlake {
+        /// Centre of the largest sphere.
+        center: DVec3,
+        /// Radius of the largest sphere.
+        radius: f64,
+        /// Points to its upper pole.
+        axis: DVec3,
+        /// Generations on top of the largest sphere.
+        depth: u32,
+    },
+    /// A fractal landscape.
+    Terrain {
+        /// Middle of the base.
+        center: DVec3,
+        /// Extent along x, in height, and along z.
+        size: DVec3,
+        /// Cells along each side.
+        cells: u32,
+        /// What makes the heights.
+        noise: TerrainNoise,
     },
 }
 

@@ -1,9 +1,9 @@
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, positive_radius, seen_from,
-    solid_angle_density, tangents,
+    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    positive_radius, seen_from, solid_angle_density, tangents,
 };
-use crate::embree::{Procedural, SurfacePoint};
+use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec2, DVec3, Vec2};
 use std::f64::consts::TAU;
@@ -104,6 +104,10 @@ impl Procedural for Cylinder {
         self.bounds()
     }
 
+    fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
+        nearest_by_refining(self, primitive, ray)
+    }
+
     fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
         self.hits(&self.local(ray)).find_map(|t| accept(t, ray.t_max))
     }
@@ -121,11 +125,12 @@ impl Procedural for Cylinder {
         let along = point.z.clamp(0.0, self.height);
         let normal = self.x * across.x + self.y * across.y;
         let azimuth = across.y.atan2(across.x) / TAU;
-        SurfacePoint {
-            position: self.base + along * self.axis + self.radius * normal,
-            error: error_bound(self.base, self.height + self.radius),
+        let uv = Vec2::new(azimuth.rem_euclid(1.0) as f32, (along / self.height) as f32);
+        SurfacePoint::new(
+            self.base + along * self.axis + self.radius * normal,
+            error_bound(self.base, self.height + self.radius),
             normal,
-            uv: Vec2::new(azimuth.rem_euclid(1.0) as f32, (along / self.height) as f32),
-        }
+            uv,
+        )
     }
 }

@@ -1,8 +1,9 @@
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, positive_radius, tangents,
+    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    positive_radius, tangents,
 };
-use crate::embree::{Procedural, SurfacePoint};
+use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec3, Vec2};
 use std::f64::consts::{PI, TAU};
@@ -140,6 +141,10 @@ impl Procedural for Sphere {
         self.bounds()
     }
 
+    fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
+        nearest_by_refining(self, primitive, ray)
+    }
+
     fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
         let roots = sphere_roots(ray.origin.as_dvec3() - self.center, ray.direction.as_dvec3(), self.radius)?;
         roots.into_iter().find_map(|t| accept(t, ray.t_max))
@@ -161,11 +166,12 @@ impl Procedural for Sphere {
         let normal = unit_f64(offset + t * direction).unwrap_or(DVec3::Y);
         let azimuth = (-normal.z).atan2(normal.x) / TAU;
         let polar = normal.x.hypot(normal.z).atan2(normal.y) / PI;
-        SurfacePoint {
-            position: self.center + self.radius * normal,
-            error: error_bound(self.center, self.radius),
+        let uv = Vec2::new(azimuth.rem_euclid(1.0) as f32, polar as f32);
+        SurfacePoint::new(
+            self.center + self.radius * normal,
+            error_bound(self.center, self.radius),
             normal,
-            uv: Vec2::new(azimuth.rem_euclid(1.0) as f32, polar as f32),
-        }
+            uv,
+        )
     }
 }

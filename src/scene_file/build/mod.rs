@@ -4,8 +4,8 @@ mod place;
 
 use self::place::{Placed, Source};
 use super::description::{
-    CameraDescription, EmissionDescription, LightDescription, Location, MaterialDescription,
-    SceneDescription, SceneWarning, ShapeDescription,
+    CameraDescription, EmissionDescription, GeometryDescription, LightDescription, Location,
+    MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
 use super::ply::PlyError;
 use crate::bsdf::{Dielectric, RoughDielectric};
@@ -14,7 +14,9 @@ use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointLight};
 use crate::math::{Bounds3, unit_f64};
 use crate::media::Medium;
-use crate::scene::{Geometry, Material, Node, Placement, RenderSpace, Scene, SceneParts, Surface};
+use crate::scene::{
+    Bump, Geometry, Material, MaterialTexture, Node, Placement, RenderSpace, Scene, SceneParts, Surface,
+};
 use crate::shapes::{EmitterShape, ShapeError};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
@@ -125,6 +127,7 @@ pub fn build_scene(
         nodes: assembly.nodes,
         surfaces,
         materials: materials(description),
+        textures: textures(description),
         media: media(description, &space),
         lights,
         space,
@@ -406,13 +409,29 @@ impl<'a> Builder<'a> {
             geometry,
             flip_normal,
             material: shape.value.material as u32,
+            part_materials: self.part_materials(index),
             light: None,
         }
     }
 
+    /// Materials of the parts of a shape; empty where all have that of the shape.
+    fn part_materials(&self, index: usize) -> Vec<u32> {
+        let shape = &self.description.shapes[index].value;
+        match &shape.geometry {
+            GeometryDescription::Csg { materials, .. } if materials.iter().any(Option::is_some) => {
+                materials.iter().map(|own| own.unwrap_or(shape.material) as u32).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+
     fn is_caster(&self, index: usize) -> bool {
-        let material = self.description.shapes[index].value.material;
-        material_of(self.description, &self.description.materials[material].value).is_specular()
+        let parts = self.part_materials(index).into_iter().map(|material| material as usize);
+        let own = self.description.shapes[index].value.material;
+        let is_specular = |material: usize| {
+            material_of(self.description, &self.description.materials[material].value).is_specular()
+        };
+        parts.chain([own]).any(is_specular)
     }
 }
 
@@ -501,6 +520,20 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
             Material::Glossy { bsdf, two_sided, tangent }
         }
     }
+}
+
+/// Textures of each material; none at all where no material has one.
+fn textures(description: &SceneDescription) -> Vec<MaterialTexture> {
+    let texture = |index: usize| description.textures[index].value;
+    let textures: Vec<_> = description
+        .looks
+        .iter()
+        .map(|look| MaterialTexture {
+            colour: look.colour.map(texture),
+            bump: look.bump.map(|(index, height)| Bump { texture: texture(index), height }),
+        })
+        .collect();
+    if textures.iter().all(MaterialTexture::is_plain) { Vec::new() } else { textures }
 }
 
 fn media(description: &SceneDescription, space: &RenderSpace) -> Vec<Medium> {

@@ -8,8 +8,10 @@ use crate::scene_file::GeometryDescription;
 use crate::scene_file::description::MeshNormals;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh};
 use crate::scene_file::ply::read_ply;
-use crate::shapes::{Cylinder, Disc, EmitterShape, Quad, Sphere, Triangle};
-use glam::{DAffine3, DVec3, Vec3};
+use crate::shapes::{
+    Csg, Cylinder, Disc, EmitterShape, HeightGrid, Quad, Sphere, SphereFlake, Terrain, Triangle,
+};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -17,10 +19,37 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) enum Source {
     Mesh(TriangleMesh),
-    Quad { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
-    Sphere { center: DVec3, radius: f64 },
-    Cylinder { base: DVec3, top: DVec3, radius: f64 },
-    Disc { center: DVec3, normal: DVec3, radius: f64 },
+    Quad {
+        corner: DVec3,
+        edge_u: DVec3,
+        edge_v: DVec3,
+    },
+    Sphere {
+        center: DVec3,
+        radius: f64,
+    },
+    Cylinder {
+        base: DVec3,
+        top: DVec3,
+        radius: f64,
+    },
+    Disc {
+        center: DVec3,
+        normal: DVec3,
+        radius: f64,
+    },
+    Csg(Csg),
+    SphereFlake {
+        center: DVec3,
+        radius: f64,
+        frame: DMat3,
+        depth: u32,
+    },
+    /// With the transform from the grid's own space.
+    Terrain {
+        grid: Arc<HeightGrid>,
+        transform: DAffine3,
+    },
 }
 
 /// A shape in its target space.
@@ -68,6 +97,19 @@ impl Source {
             &GeometryDescription::Sphere { center, radius } => Self::Sphere { center, radius },
             &GeometryDescription::Cylinder { base, top, radius } => Self::Cylinder { base, top, radius },
             &GeometryDescription::Disc { center, normal, radius } => Self::Disc { center, normal, radius },
+            GeometryDescription::Csg { object, .. } => Self::Csg(object.clone()),
+            &GeometryDescription::SphereFlake { center, radius, axis, depth } => {
+                let axis = unit_f64(axis).unwrap_or(DVec3::Y);
+                let (x, y) = axis.any_orthonormal_pair();
+                Self::SphereFlake { center, radius, frame: DMat3::from_cols(x, y, axis), depth }
+            }
+            &GeometryDescription::Terrain { center, size, cells, ref noise } => {
+                let grid = Arc::new(HeightGrid::from_noise(cells, noise)?);
+                let scale = size / DVec3::new(f64::from(cells), 1.0, f64::from(cells));
+                let corner = center - 0.5 * size.with_y(0.0);
+                let transform = DAffine3::from_translation(corner) * DAffine3::from_scale(scale);
+                Self::Terrain { grid, transform }
+            }
         };
         Ok((source, before, report))
     }
@@ -103,6 +145,20 @@ impl Source {
             Self::Disc { center, radius, .. } => {
                 Bounds3 { min: center - *radius, max: center + *radius }.transformed(transform)
             }
+            Self::Csg(object) => {
+                object.transformed(transform).map_or(Bounds3::EMPTY, |object| object.bounds())
+            }
+            Self::SphereFlake { center, radius, frame, depth } => {
+                let flake = SphereFlake::with_frame(*center, *radius, *frame, *depth);
+                let around = flake.map_or((*center, 0.0), |flake| flake.bounding_sphere());
+                Self::Sphere { center: around.0, radius: around.1 }.bounds(transform)
+            }
+            Self::Terrain { grid, transform: own } => {
+                let cells = f64::from(grid.cells());
+                let [low, high] = grid.range().map(f64::from);
+                let own_box = Bounds3 { min: DVec3::new(0.0, low, 0.0), max: DVec3::new(cells, high, cells) };
+                own_box.transformed(&(*transform * *own))
+            }
         }
     }
 
@@ -110,8 +166,9 @@ impl Source {
     /// ellipsoid. Such shapes stand as instances.
     pub(super) fn needs_instance(&self, transform: &DAffine3) -> bool {
         match self {
-            Self::Mesh(_) | Self::Quad { .. } => false,
-            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } => {
+            // The latter two have spaces of their own, to which they take rays in `f64`.
+            Self::Mesh(_) | Self::Quad { .. } | Self::Csg(_) | Self::Terrain { .. } => false,
+            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } | Self::SphereFlake { .. } => {
                 similarity(transform).is_none()
             }
         }
@@ -147,12 +204,30 @@ impl Source {
                 let disc = Disc::new(center, transform.transform_vector3(*normal), radius * scale)?;
                 Ok(exact(disc, (center, radius * scale), emits.then_some(EmitterShape::Disc(disc))))
             }
+            Self::Csg(object) => {
+                let object = object.transformed(transform)?;
+                let around = object.around();
+                Ok(exact(object, around, None))
+            }
+            Self::SphereFlake { center, radius, frame, depth } => {
+                let scale = similarity(transform).ok_or(BuildProblem::NotSimilar)?;
+                let center = transform.transform_point3(*center);
+                let turned = transform.matrix3 * (1.0 / scale) * *frame;
+                let flake = SphereFlake::with_frame(center, radius * scale, turned, *depth)?;
+                let around = flake.bounding_sphere();
+                Ok(exact(flake, around, None))
+            }
+            Self::Terrain { grid, transform: own } => {
+                let terrain = Terrain::new(Arc::clone(grid), *transform * *own)?;
+                let bounds = terrain.bounds();
+                Ok(exact(terrain, (bounds.center(), bounds.radius()), None))
+            }
         }
     }
 }
 
 fn exact<P: Procedural + 'static>(shape: P, sphere: (DVec3, f64), emitter: Option<EmitterShape>) -> Placed {
-    let bounds = shape.bounds(0);
+    let bounds = (0..shape.primitive_count()).fold(Bounds3::EMPTY, |all, part| all.union(shape.bounds(part)));
     Placed {
         geometry: Geometry::Procedural(Arc::new(shape)),
         bounds,

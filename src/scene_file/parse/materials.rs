@@ -2,6 +2,7 @@
 
 use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
 use super::names::Names;
+use super::textures::read_look;
 use crate::math::Rgb;
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Context, Expected, NON_NEGATIVE, Table};
@@ -68,22 +69,33 @@ pub(super) fn read_materials(
     table: Option<Table<'_>>,
     media_names: &Names,
     media: &mut Vec<Named<MediumDescription>>,
+    textures: &Names,
     unit: f64,
-) -> (Vec<Named<MaterialDescription>>, Names) {
+) -> (Vec<Named<MaterialDescription>>, Vec<MaterialLook>, Names) {
     let mut names = Names::new("material");
     let mut materials = Vec::new();
+    let mut looks = Vec::new();
     for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
         let name = value.name();
         names.add(name, span.clone());
         let example = format!("write `[materials.{name}]` and below it `type = \"lambert\"`");
-        let location = value.context().location(&span);
-        let material = value
-            .table(format!("[materials.{name}]"), &example)
-            .and_then(|table| read_material(table, name, &location, media_names, media, unit));
+        let context = value.context();
+        let location = context.location(&span);
+        let material = value.table(format!("[materials.{name}]"), &example).and_then(|mut table| {
+            looks.push(read_look(&mut table, textures, unit));
+            read_material(table, name, &location, media_names, media, unit)
+        });
         let value = material.unwrap_or(BLACK);
+        // A material that is no table is refused; its look keeps the numbers of the others right.
+        looks.resize(materials.len() + 1, MaterialLook::default());
+        if matches!(value, MaterialDescription::Dielectric { .. }) && looks[materials.len()].colour.is_some()
+        {
+            let message = format!("[materials.{name}] is a dielectric, which has no reflectance to vary");
+            context.error(&span, message, "leave `texture` out; `bump` may stay");
+        }
         materials.push(Named { name: name.to_string(), location, value });
     }
-    (materials, names)
+    (materials, looks, names)
 }
 
 /// Absorbs everything.

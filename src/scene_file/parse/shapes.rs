@@ -2,6 +2,7 @@
 
 use super::generate::{read_lathe, read_teapot};
 use super::names::Names;
+use super::objects::{Body, read_csg, read_flake, read_solid, read_terrain};
 use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
 use crate::scene_file::description::*;
@@ -32,6 +33,10 @@ enum Kind {
     Disc,
     Lathe,
     Teapot,
+    Body(Body),
+    Csg,
+    SphereFlake,
+    Terrain,
 }
 
 const KINDS: &[(&str, Kind)] = &[
@@ -42,6 +47,13 @@ const KINDS: &[(&str, Kind)] = &[
     ("disc", Kind::Disc),
     ("lathe", Kind::Lathe),
     ("teapot", Kind::Teapot),
+    ("box", Kind::Body(Body::Box)),
+    ("cone", Kind::Body(Body::Cone)),
+    ("torus", Kind::Body(Body::Torus)),
+    ("lens", Kind::Body(Body::Lens)),
+    ("csg", Kind::Csg),
+    ("sphere-flake", Kind::SphereFlake),
+    ("terrain", Kind::Terrain),
 ];
 
 pub(super) fn read_shapes(tables: Vec<Table<'_>>, materials: &Names, unit: f64) -> Shapes {
@@ -85,6 +97,10 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         Kind::Disc => read_disc(&mut table),
         Kind::Lathe => read_lathe(&mut table),
         Kind::Teapot => read_teapot(&mut table),
+        Kind::Body(body) => read_solid(&mut table, body),
+        Kind::Csg => read_csg(&mut table, materials),
+        Kind::SphereFlake => read_flake(&mut table),
+        Kind::Terrain => read_terrain(&mut table),
     };
     let transform = transform_of(&mut table);
     let flip_normal = table.or("flip-normal", false, |value| value.boolean());
@@ -95,6 +111,13 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         (None, Some(None)) => table.required("material", "\"NAME\"", |_| None),
         (None, _) => Some(materials.len()),
     };
+    let samples = matches!(kind, Kind::Mesh | Kind::Quad | Kind::Sphere | Kind::Cylinder | Kind::Disc);
+    if !samples && matches!(emission, Some(Some(_))) {
+        table.refuse::<()>(
+            format!("{} emits, and shapes of its type have no light sampling", table.title()),
+            "let a mesh, quad, sphere, cylinder or disc emit",
+        );
+    }
     let is_round = matches!(kind, Kind::Sphere | Kind::Cylinder | Kind::Disc);
     let emits = matches!(emission, Some(Some(_)));
     if is_round && emits && transform.is_some_and(|transform| !is_similarity(&transform)) {
@@ -124,11 +147,11 @@ fn read_emission(value: Value<'_>) -> Option<EmissionDescription> {
     Some(EmissionDescription { radiance: radiance?, two_sided: two_sided? })
 }
 
-fn read_point(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {
+pub(super) fn read_point(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {
     table.required(key, "[0.0, 1.0, 0.0]", |value| value.vector(&NUMBER))
 }
 
-fn read_radius(table: &mut Table<'_>) -> Option<f64> {
+pub(super) fn read_radius(table: &mut Table<'_>) -> Option<f64> {
     table.required("radius", "1.0", |value| value.number(&POSITIVE))
 }
 
