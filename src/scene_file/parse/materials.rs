@@ -3,6 +3,7 @@
 use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
 use super::names::Names;
 use super::textures::read_look;
+use crate::bsdf::Bsdf;
 use crate::math::Rgb;
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Context, Expected, NON_NEGATIVE, Table};
@@ -88,9 +89,13 @@ pub(super) fn read_materials(
         let value = material.unwrap_or(BLACK);
         // A material that is no table is refused; its look keeps the numbers of the others right.
         looks.resize(materials.len() + 1, MaterialLook::default());
-        if matches!(value, MaterialDescription::Dielectric { .. }) && looks[materials.len()].colour.is_some()
-        {
-            let message = format!("[materials.{name}] is a dielectric, which has no reflectance to vary");
+        let kind = match value {
+            MaterialDescription::Dielectric { .. } => Some("a dielectric"),
+            MaterialDescription::Glossy { bsdf: Bsdf::Conductor(_), .. } => Some("a metal"),
+            _ => None,
+        };
+        if let Some(kind) = kind.filter(|_| looks[materials.len()].colour.is_some()) {
+            let message = format!("[materials.{name}] is {kind}, which has no reflectance to vary");
             context.error(&span, message, "leave `texture` out; `bump` may stay");
         }
         materials.push(Named { name: name.to_string(), location, value });
