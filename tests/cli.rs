@@ -167,7 +167,7 @@ fn wrong_scenes() {
         format!(
             "[[shapes]]\ntype = \"mesh\"\nname = \"lamp\"\nmaterial = \"m\"\nemission = {{ radiance = 1.0 }}\n\
              vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1000, 0, 0], [1000.0000000001, 0, 0], [1000, 1e-9, 0]]\n\
-             faces = {faces}\n[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n"
+             faces = {faces}\n[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"m\"\n[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n"
         )
     };
     // A lamp that rounding leaves nothing of is an error; one that loses a part, a warning.

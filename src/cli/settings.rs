@@ -144,7 +144,7 @@ fn count(text: &str) -> Result<u64, String> {
     const LIMIT: f64 = 9_007_199_254_740_992.0;
     match written.parse::<f64>() {
         Ok(number) if number.fract() == 0.0 && (0.0..LIMIT).contains(&number) => Ok(number as u64),
-        Ok(number) if number > 0.0 && number.fract() != 0.0 => {
+        Ok(number) if (0.0..LIMIT).contains(&number) => {
             Err(format!("{number} is not a whole number; write {:.0}", number.ceil()))
         }
         _ => Err(message()),

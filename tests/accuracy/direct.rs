@@ -257,7 +257,7 @@ fn the_foot_of_a_slanted_parallelogram() {
     // times the upward part of the unit normal of that plane.
     let factor: f64 = (0..4)
         .map(|i| {
-            let [a, b] = [corners[i], corners[(i + 1) % 4]].map(|p| glam::DVec3::from_array(p));
+            let [a, b] = [corners[i], corners[(i + 1) % 4]].map(glam::DVec3::from_array);
             0.5 * a.angle_between(b) * a.cross(b).normalize().y
         })
         .sum();
