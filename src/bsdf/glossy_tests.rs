@@ -244,7 +244,7 @@ fn ggx_loses_what_is_known() {
 #[test]
 fn reciprocity() {
     let mut rng = Rng::new(23, Stream::Measure, 0);
-    let mut compared = 0;
+    let (mut compared, mut critical) = (0, 0);
     for bsdf in models() {
         for _ in 0..1000 {
             let a = direction(0.02 + 0.98 * rng.next_f32(), 6.0 * rng.next_f32());
@@ -257,13 +257,15 @@ fn reciprocity() {
                 |wo, wi, mode| bsdf.eval(Lobe::Diffuse, wo, wi, mode) + bsdf.eval(Lobe::Glossy, wo, wi, mode);
             let (there, back) = (sum(a, b, RADIANCE), sum(b, a, FLUX));
             let off = (there - back).abs().max_element();
-            // Near the critical angle transmission is a steep function of a cosine that f32 holds to 1e-7.
-            let share = if a.z * b.z < 0.0 { 0.01 } else { 3e-4 };
-            assert!(off <= share * there.max_element() + 1e-6, "{bsdf:?} {a} {b}: {there} {back}");
+            // Where a facet refracts at the critical angle transmission is the root of a difference that f32 holds to
+            // 1e-7: few pairs meet one, and they are off by a few percent.
+            let (largest, is_close) = (there.max_element(), off <= 3e-4 * there.max_element() + 1e-6);
+            assert!(is_close || a.z * b.z < 0.0 && off < 0.1 * largest, "{bsdf:?} {a} {b}: {there} {back}");
+            critical += u32::from(!is_close);
             compared += u32::from(there != Rgb::ZERO);
         }
     }
-    assert!(compared > 10_000);
+    assert!(compared > 10_000 && critical < 20, "{compared} {critical}");
 }
 
 /// Roughness to zero: no NaN, no weight above one, and directions that close on the mirrored and the refracted one.
