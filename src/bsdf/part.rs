@@ -6,8 +6,8 @@ use glam::{Vec2, Vec3};
 
 /// Roughness (the alpha of GGX and Ward; for Schlick's model the square root of his) from which a glossy part counts as
 /// slightly glossy, [`Lobe::Diffuse`]: its light is estimated from photons. Below, it is highly glossy, [`Lobe::Glossy`],
-/// and followed by distribution rays (Jensen 1996, section 4). At the threshold the lobe of normal incidence has its half
-/// width at 14 degrees, and an estimate from 80 photons the variance of some 40 under a Lambert surface.
+/// and followed by distribution rays (Jensen 1996, section 4). At the threshold the density of microfacets has
+/// fallen to half at 13 degrees from the normal.
 pub const GLOSS_THRESHOLD: f32 = 0.35;
 
 /// Terms of a model that are no deltas.

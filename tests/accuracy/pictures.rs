@@ -145,7 +145,12 @@ fn parts(stage: &Stage, settings: &Overrides, runs: u64) -> Vec<(&'static str, f
 /// Each of the five parts of the picture has the same mean in both modes, within 1 % and what noise explains of the
 /// rest; `certain` is the noise above which that would say nothing.
 #[track_caller]
-fn assert_same_parts(what: &str, stage: &Stage, (path, maps): (&Overrides, &Overrides), certain: f64) {
+pub(crate) fn assert_same_parts(
+    what: &str,
+    stage: &Stage,
+    (path, maps): (&Overrides, &Overrides),
+    certain: f64,
+) {
     let runs = 4;
     let mut off_parts = Vec::new();
     for ((part, a, a_error), (_, b, b_error)) in

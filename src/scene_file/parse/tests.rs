@@ -1,4 +1,5 @@
 use super::*;
+use crate::math::Rgb;
 use crate::photons::Kernel;
 use crate::render::Quality;
 use crate::scene_file::diagnostic::Diagnostic;
@@ -241,6 +242,48 @@ fn a_unit_that_is_a_power_of_two_keeps_every_bit() {
         let (a, b) = (one.shapes[0].value.transform, other.shapes[0].value.transform);
         assert_eq!(a.translation * unit, b.translation);
         assert_eq!(a.matrix3 * unit, b.matrix3);
+    }
+}
+
+#[test]
+fn glossy_materials() {
+    use crate::bsdf::{Bsdf, Form, Ward};
+    use crate::scene::Tangent;
+    let material = |text: &str| {
+        parse(&format!("[materials.m]\n{text}\n{WHITE}{BALL}")).map(|scene| scene.materials[0].value.clone())
+    };
+    let ward = material(
+        "type = \"ward\"\ndiffuse = 0.25\nspecular = [0.5, 0.25, 0.125]\nroughness = [0.25, 0.5]\ntangent-around = [0, 3, 0]",
+    );
+    let Ok(MaterialDescription::Glossy { bsdf, two_sided: true, tangent }) = ward else { panic!("{ward:?}") };
+    let (diffuse, gloss) = (Rgb::splat(0.25), Rgb::new(0.5, 0.25, 0.125));
+    assert_eq!(bsdf, Bsdf::Ward(Ward::new(diffuse, gloss, [0.25, 0.5], Form::Bounded)));
+    assert_eq!(tangent, Some(Tangent::Around(glam::Vec3::Y)));
+    for good in [
+        "type = \"schlick\"\ncolour = 0.5\nroughness = 0",
+        "type = \"schlick\"\ncolour = 0.5\nroughness = 0.1\nisotropy = 0.1\nform = \"printed\"\ntangent = [1, 0, 0]",
+        "type = \"conductor\"\nmetal = \"gold\"",
+        "type = \"conductor\"\neta = [0.2, 0.9, 1.1]\nk = 3\nroughness = 0.1\ntwo-sided = false",
+        "type = \"conductor\"\ncolour = 0.9\nroughness = [0.1, 0.1]",
+        "type = \"dielectric\"\nior = 1.5\nroughness = 0.2",
+    ] {
+        assert!(material(good).is_ok(), "{good}");
+    }
+    for (bad, says) in [
+        ("type = \"schlick\"\ncolour = 0.5", "roughness"),
+        ("type = \"schlick\"\ncolour = 0.5\nroughness = 0.1\nisotropy = 0.1", "tangent-around"),
+        ("type = \"ward\"\ndiffuse = 0.6\nspecular = 0.5\nroughness = 0.1", "at most 1"),
+        ("type = \"ward\"\nspecular = 0.5\nroughness = 0", "mirror"),
+        ("type = \"ward\"\nspecular = 0.5\nroughness = [0.1, 0.2, 0.3]\ntangent = [1, 0, 0]", "[0.3, 0.05]"),
+        ("type = \"conductor\"\nroughness = 0.1", "metal = \"gold\""),
+        ("type = \"conductor\"\nmetal = \"gold\"\ncolour = 0.5", "metal = \"gold\""),
+        ("type = \"conductor\"\nmetal = \"god\"", "gold"),
+        ("type = \"conductor\"\ncolour = 1\nroughness = [0.1, 0.2]\ntangent = [0, 0, 0]", "length"),
+        ("type = \"conductor\"\ncolour = 1\ntangent = [0, 0, 1]\ntangent-around = [0, 0, 1]", "one of them"),
+        ("type = \"dielectric\"\nior = 1.5\nroughness = 2", "from 0 to 1"),
+    ] {
+        let message = material(bad).unwrap_err().to_string();
+        assert!(message.contains(says), "{bad}: {message}");
     }
 }
 
