@@ -227,9 +227,16 @@ impl Scene {
         self.parts.embree.occluded(ray)
     }
 
-    /// Turns Embree's hit into a point with its error bound.
+    /// Turns Embree's hit into a point with its error bound, and looks up the textures of its material.
     #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
+        let found = self.plain_interaction(ray, hit);
+        if self.parts.textures.is_empty() { found } else { self.textured(found) }
+    }
+
+    /// [`Self::interaction`] without textures.
+    #[inline(always)]
+    fn plain_interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
         if let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance) {
             let surface = &self.parts.surfaces[*index as usize];
             if let Geometry::Mesh(mesh) = &surface.geometry {
@@ -238,14 +245,14 @@ impl Scene {
                 let point = HitPoint::on_triangle(corners, hit.uv)
                     .unwrap_or_else(|| flat_hit(corners, -ray.direction));
                 let shading_normal = mesh.shading_normal(hit.primitive, hit.uv, point.normal);
-                let found = found(ray, hit, *index, surface, point, shading_normal);
-                return if self.parts.textures.is_empty() { found } else { self.textured(found) };
+                return found(ray, hit, *index, surface, point, shading_normal);
             }
         }
-        self.textured(self.general_interaction(ray, hit))
+        self.general_interaction(ray, hit)
     }
 
     /// The hit with the textures of its material looked up.
+    #[inline(never)]
     fn textured(&self, mut hit: SurfaceInteraction) -> SurfaceInteraction {
         if let Some(texture) = self.texture_of(hit.material) {
             texture.apply(&mut hit, &self.parts.space);
@@ -361,7 +368,7 @@ impl Scene {
     /// Parameter and facing normal of the nearest hit of a ray whose direction may have any length.
     fn intersect_any_direction(&self, ray: &Ray) -> Option<(f32, Vec3)> {
         let hit = self.parts.embree.intersect(ray)?;
-        Some((hit.t, self.interaction(ray, &hit).facing_normal()))
+        Some((hit.t, self.plain_interaction(ray, &hit).facing_normal()))
     }
 
     /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the

@@ -299,7 +299,7 @@ impl Solid {
                 (normal, normal)
             }
             Form::Box => {
-                let (axis, sign) = (usize::from(face / 2), if face % 2 == 0 { -1.0 } else { 1.0 });
+                let (axis, sign) = (usize::from(face / 2), if face.is_multiple_of(2) { -1.0 } else { 1.0 });
                 let mut point = p.clamp(DVec3::NEG_ONE, DVec3::ONE);
                 point[axis] = sign;
                 (point, DVec3::AXES[axis] * sign)
