@@ -11,11 +11,12 @@ use glam::{Mat3, Vec3};
 /// have several records around them and no record ends with a step.
 const OVERLAP: f32 = 1.4;
 
-/// Least reach of a record in pixels, and as a share of the scene's radius; the smaller of the two counts.
-const LEAST_REACH: (f32, f32) = (1.5, 0.02);
+/// Least reach of a record in pixels, and as a share of the scene's radius; the smaller of the two counts. Near other surfaces
+/// half of that is enough.
+const LEAST_REACH: (f32, f32) = (2.0, 0.02);
 
 /// Largest reach of a record, in the same measures.
-const LARGEST_REACH: (f32, f32) = (40.0, 0.2);
+const LARGEST_REACH: (f32, f32) = (20.0, 0.2);
 
 /// Height over or under the plane of a record, as a share of its reach, from which on a place is another surface.
 const LARGEST_STEP: f32 = 0.1;
@@ -113,14 +114,14 @@ impl Reaches {
         (step.abs() <= LARGEST_STEP * reach.radius).then_some(error)
     }
 
-    /// How far a record reaches when it is read: by the error allowed, within limits of what a pixel shows, and never
-    /// farther than the nearest surface it saw, behind which it knows nothing.
+    /// How far a record reaches when it is read: by the error allowed, within limits of what a pixel shows, and no
+    /// farther than the nearest surface it saw, behind which it knows nothing, but for about a pixel.
     fn radius(&self, place: &Place, harmonic: f32, nearest: f32) -> f32 {
         let limit =
             |(pixels, share): (f32, f32)| (pixels * place.footprint).min(share * self.settings.bounds.1);
         let low = limit(LEAST_REACH);
         let allowed = (self.settings.error * harmonic).clamp(low, limit(LARGEST_REACH).max(low));
-        (OVERLAP * allowed).min(nearest)
+        (OVERLAP * allowed).min(nearest.max(0.5 * low))
     }
 }
 

@@ -163,9 +163,9 @@ impl Quality {
             Self::Reference => (1024, 8, 4_000_000, 20_000_000, 100),
         };
         let (cache_error, cache_samples) = match self {
-            Self::Draft => (0.3, 128),
-            Self::Preview => (0.2, 256),
-            Self::Final | Self::Reference => (0.15, 512),
+            Self::Draft => (0.4, 128),
+            Self::Preview => (0.25, 256),
+            Self::Final | Self::Reference => (0.2, 512),
         };
         Settings {
             quality: self,

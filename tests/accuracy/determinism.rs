@@ -28,12 +28,15 @@ fn integrators() -> [(&'static str, Overrides); 5] {
         spp: Some(3),
         global_photons: Some(20_000),
         caustic_photons: Some(20_000),
+        irradiance_cache: Some(true),
+        cache_samples: Some(64),
         ..photon_map()
     };
+    let gathered = Overrides { irradiance_cache: Some(false), ..maps.clone() };
     [
         ("path", Overrides { spp: Some(5), ..path() }),
         ("photon map", maps.clone()),
-        ("photon map, full estimates", Overrides { precomputed_irradiance: Some(false), ..maps.clone() }),
+        ("photon map, full estimates", Overrides { precomputed_irradiance: Some(false), ..gathered }),
         ("global photons", Overrides { spp: Some(2), global_photons: Some(20_000), ..show(MapKind::Global) }),
         (
             "caustic photons",

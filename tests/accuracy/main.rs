@@ -5,6 +5,7 @@
 //! other seeds pass as well, and each says where it comes from.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod cache;
 mod determinism;
 mod direct;
 mod enclosures;
