@@ -1,7 +1,7 @@
 //! Options that choose how a picture is computed; they go over those of the scene file.
 
 use cardioid::photons::{Estimator, Kernel, SearchRegion};
-use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality};
+use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use clap::{Args, ValueEnum};
 
 /// Settings of the renderer.
@@ -80,6 +80,18 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "BOOL")]
     visible_kernel: Option<bool>,
 
+    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen.
+    #[arg(long, value_enum)]
+    shadow_photons: Option<ShadowArg>,
+
+    /// Rays that place shadow photons, of all lights together.
+    #[arg(long, value_name = "N")]
+    shadow_photon_rays: Option<u64>,
+
+    /// What `--integrator photons` shows.
+    #[arg(long, value_enum)]
+    show: Option<ShowArg>,
+
     /// Longest path, in surfaces.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     max_depth: Option<u32>,
@@ -139,6 +151,16 @@ impl SettingsArgs {
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
+            shadow_photons: self.shadow_photons.map(|mode| match mode {
+                ShadowArg::Off => ShadowMode::Off,
+                ShadowArg::AsPrinted => ShadowMode::AsPrinted,
+                ShadowArg::Bounded => ShadowMode::Bounded,
+            }),
+            shadow_photon_rays: self.shadow_photon_rays,
+            show: self.show.map(|show| match show {
+                ShowArg::Radiance => Show::Radiance,
+                ShowArg::Classes => Show::Classes,
+            }),
             max_depth: self.max_depth,
         }
         .over(scene.clone())
@@ -212,4 +234,22 @@ enum SearchArg {
     Sphere,
     /// A sphere flattened along the normal (the default).
     Disc,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShadowArg {
+    /// Everywhere (the default).
+    Off,
+    /// Not where the ten nearest photons are all direct or all shadow photons (section 4.1 of Jensen 1996).
+    AsPrinted,
+    /// Not where enough photons agree that, with 99 % confidence, less than 1 % of the light is otherwise.
+    Bounded,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShowArg {
+    /// The radiance that the photons make (the default).
+    Radiance,
+    /// Each photon as a disc: direct white, indirect blue, caustic yellow, shadow red.
+    Classes,
 }

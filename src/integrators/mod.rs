@@ -8,9 +8,11 @@ mod path;
 mod photon_map;
 mod specular;
 
-pub use direct::DirectLighting;
+pub use direct::{DirectLighting, ShadowCounters};
 pub use path::PathTracer;
-pub use photon_map::{PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons, visible_domain};
+pub use photon_map::{
+    PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons, visible_domain,
+};
 
 use crate::film::PixelSample;
 use crate::math::Ray;
@@ -33,6 +35,8 @@ pub struct Scratch {
     pub photons: PhotonScratch,
     /// What was traced.
     pub counters: Counters,
+    /// What shadow photons decided, by light; empty where they are not asked.
+    pub shadows: Vec<ShadowCounters>,
     /// Specular branches that wait for their turn.
     branches: Vec<specular::Branch>,
 }

@@ -14,6 +14,8 @@ pub enum Stream {
     Prepass = 4,
     /// Everything a test or a measurement draws.
     Measure = 5,
+    /// Rays that place direct and shadow photons.
+    ShadowPhotons = 16,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

@@ -5,6 +5,7 @@
 //! other seeds pass as well, and each says where it comes from.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod crossings;
 mod determinism;
 mod direct;
 mod enclosures;
@@ -13,4 +14,5 @@ mod photon_pass;
 mod pictures;
 mod refraction;
 mod robust_rays;
+mod shadow_photons;
 mod support;

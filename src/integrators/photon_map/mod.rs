@@ -4,17 +4,19 @@
 mod gather;
 mod lookup;
 mod show;
+mod show_classes;
 mod walk;
 
 pub use lookup::visible_domain;
 pub use show::ShowPhotons;
+pub use show_classes::ShowClasses;
 
 use super::direct::DirectLighting;
 use super::{Integrator, Scratch};
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion};
+use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps};
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
@@ -75,6 +77,8 @@ pub struct PhotonMaps {
     pub irradiance: Option<IrradianceMap>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
+    /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
+    pub shadows: Option<ShadowMaps>,
 }
 
 /// Pass 2.
@@ -107,7 +111,8 @@ impl<'a> PhotonMapIntegrator<'a> {
         camera_medium: MediumId,
     ) -> Self {
         let bsdf_sampling = plan.bsdf_sampling.build;
-        let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling);
+        let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling)
+            .with_shadows(maps.shadows.as_ref());
         Self { scene, maps, settings, direct, bsdf_sampling, camera_medium }
     }
 
@@ -135,7 +140,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         if !shading.bsdf.has_diffuse() {
             return [(Aov::Direct, Rgb::ZERO), (Aov::Caustics, Rgb::ZERO), (Aov::Indirect, Rgb::ZERO)];
         }
-        let by_light = self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters);
+        let by_light = self.direct.radiance(hit, shading, medium, samples, scratch);
         let caustics = self.caustics(vertex, scratch);
         let (indirect, by_bsdf) = self.indirect(vertex, samples, scratch);
         [(Aov::Direct, by_light + by_bsdf), (Aov::Caustics, caustics), (Aov::Indirect, indirect)]

@@ -2,7 +2,7 @@
 
 use crate::math::unit_f64;
 use crate::photons::{Estimator, Kernel, SearchRegion};
-use crate::render::{IntegratorKind, MapKind, Overrides, Quality};
+use crate::render::{IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
 use glam::DVec3;
@@ -137,6 +137,10 @@ const ESTIMATORS: &[(&str, Estimator)] =
 const SEARCH_REGIONS: &[(&str, SearchRegion)] =
     &[("sphere", SearchRegion::Sphere), ("disc", SearchRegion::Disc)];
 
+const SHADOW_MODES: &[(&str, ShadowMode)] =
+    &[("off", ShadowMode::Off), ("as-printed", ShadowMode::AsPrinted), ("bounded", ShadowMode::Bounded)];
+const SHOWS: &[(&str, Show)] = &[("radiance", Show::Radiance), ("classes", Show::Classes)];
+
 /// Filter constant of the cone where none is given: as in the presets.
 const DEFAULT_CONE: f32 = 1.0;
 const KERNELS: &[(&str, Kernel)] = &[
@@ -168,6 +172,9 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
     let gather_samples = table.optional("gather-samples", count(1, MANY));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
+    let shadow_photons = table.optional("shadow-photons", |value| value.choice(SHADOW_MODES));
+    let shadow_photon_rays = table.optional("shadow-photon-rays", photons);
+    let show = table.optional("show", |value| value.choice(SHOWS));
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
     let max_depth = table.optional("max-depth", count(1, MANY));
@@ -187,6 +194,9 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         search: search?,
         gather_samples: gather_samples?,
         visible_kernel: visible_kernel?,
+        shadow_photons: shadow_photons?,
+        shadow_photon_rays: shadow_photon_rays?,
+        show: show?,
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
         max_depth: max_depth?,
@@ -230,5 +240,7 @@ mod tests {
         check(MAPS);
         check(ESTIMATORS);
         check(SEARCH_REGIONS);
+        check(SHADOW_MODES);
+        check(SHOWS);
     }
 }
