@@ -85,7 +85,7 @@ pub(crate) struct SettingsArgs {
     shadow_photons: Option<ShadowArg>,
 
     /// Rays that place shadow photons, of all lights together.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=1 << 30))]
     shadow_photon_rays: Option<u64>,
 
     /// What `--integrator photons` shows.

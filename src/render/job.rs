@@ -122,6 +122,13 @@ pub fn render(
     for (light, decisions) in statistics.shadows.iter_mut().zip(shadows) {
         let rays = decisions.rays_saved + decisions.rays_traced;
         light.decisions = decisions;
+        if light.rays > 0 && decisions.rays_traced > 0 && decisions.rays_saved == 0 {
+            statistics.warnings.push(format!(
+                "the photons of light {} saved no shadow ray: too few are near one another (raise --shadow-photon-rays), \
+                 or it is nowhere seen whole or hidden whole",
+                light.light
+            ));
+        }
         light.rays_saved_percent = 100.0 * decisions.rays_saved as f64 / rays.max(1) as f64;
     }
     statistics.samples = film.sample_count() / film.rect().area().max(1) as u64;

@@ -187,7 +187,7 @@ impl Quality {
             precomputed_irradiance: true,
             light_samples: 1,
             visible_kernel: true,
-            // One look-up costs about as much as one shadow ray: see docs/light-paths.md.
+            // What it saves is less than it costs at one shadow ray per light: docs/shadow-photons.md.
             shadow_photons: ShadowMode::Off,
             shadow_photon_rays: 200_000,
             show: Show::Radiance,

@@ -128,6 +128,7 @@ fn few_photons_decide_nothing_when_bounded() {
     let shot = stage.shoot(&with(ShadowMode::Bounded, 1000));
     assert_eq!(shot.layer("direct"), full.layer("direct"));
     assert_eq!(shot.statistics.shadows[0].decisions.rays_saved, 0);
+    assert!(shot.warns("saved no shadow ray") && !full.warns("saved no shadow ray"));
     // Ten of few are enough as printed, and show it.
     let printed = stage.shoot(&with(ShadowMode::AsPrinted, 1000));
     let (rms, largest) = error(&printed, &full);

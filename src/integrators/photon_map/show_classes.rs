@@ -11,7 +11,7 @@ use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
 
 /// Radius of the disc of a photon, as a share of the scene's radius.
-const DISC: f32 = 0.004;
+const DISC: f32 = 0.006;
 
 /// Radiance between the discs, as a share of the surface's albedo, so that the scene can be made out.
 const GROUND: f32 = 0.1;

@@ -154,6 +154,7 @@ const KERNELS: &[(&str, Kernel)] = &[
 pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     const MANY: u64 = 1 << 24;
     const PHOTONS: u64 = 1 << 40;
+    const SHADOW_RAYS: u64 = 1 << 30;
     let count = |low: u64, high: u64| {
         move |value: Value<'_>| value.integer(low..=high).and_then(|count| u32::try_from(count).ok())
     };
@@ -173,7 +174,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let gather_samples = table.optional("gather-samples", count(1, MANY));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
     let shadow_photons = table.optional("shadow-photons", |value| value.choice(SHADOW_MODES));
-    let shadow_photon_rays = table.optional("shadow-photon-rays", photons);
+    let shadow_photon_rays = table.optional("shadow-photon-rays", |value| value.integer(0..=SHADOW_RAYS));
     let show = table.optional("show", |value| value.choice(SHOWS));
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
