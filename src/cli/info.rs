@@ -5,7 +5,6 @@ use super::settings::SettingsArgs;
 use anyhow::Result;
 use cardioid::lights::Light;
 use cardioid::render::Settings;
-use cardioid::scene::RenderPlan;
 use clap::Args;
 use std::io::Write;
 use std::process::ExitCode;
@@ -28,8 +27,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     let loaded = load(&args.scene)?;
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
-    let plan =
-        RenderPlan::new(scene, settings.integrator, settings.map).with_cache(settings.irradiance_cache);
+    let plan = settings.plan(scene);
     let mut out = std::io::stdout().lock();
     if args.json {
         let value = serde_json::json!({ "scene": scene.name(), "settings": settings, "plan": plan });

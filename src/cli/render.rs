@@ -291,6 +291,22 @@ fn summary(
     if let Some(cache) = &statistics.cache {
         eprintln!("irradiance cache: {} records, {:.2} s", cache.records, times.cache);
     }
+    for light in &statistics.shadows {
+        let decided = &light.decisions;
+        eprintln!(
+            "shadow photons of light {}: {} direct, {} shadow; saved {} shadow rays ({:.1} %); lit {}, shadow {}, mixed {}, \
+             too few {}",
+            light.light,
+            light.direct_photons,
+            light.shadow_photons,
+            decided.rays_saved,
+            light.rays_saved_percent,
+            decided.lit,
+            decided.shadow,
+            decided.mixed,
+            decided.too_few
+        );
+    }
     eprintln!(
         "scene {:.2} s, photons {:.2} s, pixels {:.2} s; {} samples per pixel, mean ray depth {:.2}",
         times.scene, times.photons, times.pixels, statistics.samples, statistics.mean_depth

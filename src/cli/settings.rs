@@ -1,7 +1,7 @@
 //! Options that choose how a picture is computed; they go over those of the scene file.
 
 use cardioid::photons::{Estimator, Kernel, SearchRegion};
-use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality};
+use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use clap::{Args, ValueEnum};
 
 /// Settings of the renderer.
@@ -85,6 +85,18 @@ pub(crate) struct SettingsArgs {
     /// Whether estimates leave out what cannot be seen from their centre (not by default with `as-printed`).
     #[arg(long, value_name = "BOOL")]
     visible_kernel: Option<bool>,
+
+    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen.
+    #[arg(long, value_enum)]
+    shadow_photons: Option<ShadowArg>,
+
+    /// Rays that place shadow photons, of all lights together.
+    #[arg(long, value_name = "N", value_parser = count)]
+    shadow_photon_rays: Option<u64>,
+
+    /// What `--integrator photons` shows.
+    #[arg(long, value_enum)]
+    show: Option<ShowArg>,
 
     /// Longest path, in surfaces; what is cut off is counted, and told where it matters.
     #[arg(long, value_name = "N", value_parser = count_from_one)]
@@ -215,6 +227,16 @@ impl SettingsArgs {
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
+            shadow_photons: self.shadow_photons.map(|mode| match mode {
+                ShadowArg::Off => ShadowMode::Off,
+                ShadowArg::AsPrinted => ShadowMode::AsPrinted,
+                ShadowArg::Bounded => ShadowMode::Bounded,
+            }),
+            shadow_photon_rays: self.shadow_photon_rays,
+            show: self.show.map(|show| match show {
+                ShowArg::Radiance => Show::Radiance,
+                ShowArg::Classes => Show::Classes,
+            }),
             max_depth: self.max_depth,
             irradiance_cache: self.irradiance_cache,
             cache_error: self.cache_error,
@@ -293,6 +315,24 @@ enum SearchArg {
     Sphere,
     /// A sphere flattened along the normal (the default).
     Disc,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShadowArg {
+    /// Everywhere (the default).
+    Off,
+    /// Not where the ten nearest photons are all direct or all shadow photons (section 4.1 of Jensen 1996).
+    AsPrinted,
+    /// Not where enough photons agree that, with 99 % confidence, less than 1 % of the light is otherwise.
+    Bounded,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShowArg {
+    /// The radiance that the photons make (the default).
+    Radiance,
+    /// Each photon as a disc: direct white, indirect blue, caustic yellow, shadow red.
+    Classes,
 }
 
 #[cfg(test)]

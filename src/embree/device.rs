@@ -123,6 +123,15 @@ impl Device {
         self.version
     }
 
+    /// Whether the library was built with filter functions.
+    pub(super) fn has_filters(&self) -> bool {
+        // SAFETY: a valid device; a read-only property.
+        let supported = unsafe {
+            sys::rtcGetDeviceProperty(self.handle, sys::RTC_DEVICE_PROPERTY_FILTER_FUNCTION_SUPPORTED)
+        };
+        supported != 0
+    }
+
     pub(super) fn handle(&self) -> sys::RTCDevice {
         self.handle
     }

@@ -1,3 +1,4 @@
+use super::all_hits::{AllHits, COLLECTS, Collection, collect_triangle, instance_of};
 use super::callbacks::{self, UserGeometry};
 use super::device::{Device, EmbreeError};
 use super::{Procedural, TriangleBuffers};
@@ -249,14 +250,48 @@ impl CommittedScene {
         if query.hit.geomID == sys::RTC_INVALID_GEOMETRY_ID {
             return None;
         }
-        let instance = query.hit.instID[0];
         Some(RawHit {
             geometry: query.hit.geomID,
             primitive: query.hit.primID,
-            instance: (instance != sys::RTC_INVALID_GEOMETRY_ID).then_some(instance),
+            instance: instance_of(query.hit.instID[0]),
             uv: [query.hit.u, query.hit.v],
             t: query.ray.tfar,
         })
+    }
+
+    /// Every crossing in `(0, ray.t_max]`, each primitive's own, left sorted in `found`. A ray through an edge that
+    /// triangles share may cross each of them. A ray with NaN crosses nothing.
+    ///
+    /// By a filter that rejects every hit, so that one traversal meets them all: a ray that starts anew behind each hit
+    /// would lose crossings at equal parameters. User geometry reports its crossings itself
+    /// ([`Procedural::intersect_all`]).
+    pub fn intersect_all(&self, ray: &Ray, found: &mut AllHits) {
+        found.clear();
+        let mut query = sys::RTCRayHit { ray: sys::RTCRay { id: COLLECTS, ..ray_of(ray) }, hit: NO_HIT };
+        let mut collection = Collection {
+            context: sys::RTCRayQueryContext {
+                instID: [sys::RTC_INVALID_GEOMETRY_ID],
+                instPrimID: [sys::RTC_INVALID_GEOMETRY_ID],
+            },
+            found: std::ptr::from_mut(found),
+        };
+        let mut arguments = sys::RTCIntersectArguments {
+            flags: sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER,
+            feature_mask: sys::RTC_FEATURE_FLAG_ALL,
+            context: (&raw mut collection).cast::<sys::RTCRayQueryContext>(),
+            filter: Some(collect_triangle),
+            intersect: None,
+        };
+        // SAFETY: a committed scene; `query`, `arguments` and `collection` are locals of the layouts that the library
+        // expects, and the context is the first field of a `Collection`, as the callbacks of such rays assume. They
+        // alone use `found` while the query runs, one after the other.
+        unsafe { sys::rtcIntersect1(self.handle.0, &raw mut query, &raw mut arguments) };
+        found.finish();
+    }
+
+    /// Whether [`Self::intersect_all`] finds triangles: only if Embree was built with filter functions, as by default.
+    pub fn finds_all_crossings(&self) -> bool {
+        self.device.has_filters()
     }
 
     /// Whether anything lies in `(0, ray.t_max]`.

@@ -1,13 +1,15 @@
 //! Direct illumination: the first integral of eq. (2).
 
-use super::Counters;
+use super::Scratch;
 use crate::bsdf::{Lobe, TransportMode};
-use crate::lights::{Light, LightId};
+use crate::lights::LightId;
 use crate::math::Rgb;
 use crate::media::MediumId;
+use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 use glam::{Vec2, Vec3};
+use std::ops::AddAssign;
 
 /// Up to so many lights, each gets its own shadow rays; beyond, one is drawn in proportion to its flux.
 const LIGHTS_SAMPLED_EACH: usize = 8;
@@ -37,12 +39,29 @@ pub struct DirectLighting<'a> {
     /// Whether rays drawn from the diffuse lobe complete the estimate by multiple importance sampling; those from the
     /// glossy lobe always do.
     bsdf_sampling: bool,
+    /// Photons that tell where shadow rays are not needed.
+    shadows: Option<&'a ShadowMaps>,
+}
+
+/// A place that light arrives at, and what its photons said of the light asked for last.
+struct Receiver<'a> {
+    hit: &'a SurfaceInteraction,
+    shading: &'a Shading,
+    medium: MediumId,
+    /// Index of a light, and what its photons say; all rays to one light from one place share it.
+    decided: Option<(usize, Option<ShadowDecision>)>,
 }
 
 impl<'a> DirectLighting<'a> {
     /// `samples` shadow rays to each light (or in all, where lights are many).
     pub fn new(scene: &'a Scene, samples: u32, bsdf_sampling: bool) -> Self {
-        Self { scene, samples: samples.max(1), bsdf_sampling }
+        Self { scene, samples: samples.max(1), bsdf_sampling, shadows: None }
+    }
+
+    /// The same with shadow rays only where `shadows` leaves open whether a light is seen.
+    #[must_use]
+    pub fn with_shadows(self, shadows: Option<&'a ShadowMaps>) -> Self {
+        Self { shadows, ..self }
     }
 
     /// Radiance towards `hit.wo` of the light that arrives straight from emitters.
@@ -52,8 +71,9 @@ impl<'a> DirectLighting<'a> {
         shading: &Shading,
         medium: MediumId,
         samples: &mut SampleStream,
-        counters: &mut Counters,
+        scratch: &mut Scratch,
     ) -> Reflected {
+        let mut receiver = Receiver { hit, shading, medium, decided: None };
         let mut sum = Reflected::default();
         let Some(power) = self.scene.light_power() else { return sum };
         let mut add = |found: Reflected| {
@@ -61,10 +81,10 @@ impl<'a> DirectLighting<'a> {
             sum.glossy += found.glossy;
         };
         if self.scene.lights().len() <= LIGHTS_SAMPLED_EACH {
-            for light in self.scene.lights() {
+            for light in 0..self.scene.lights().len() {
                 let splits = samples.splits(self.samples);
                 for i in 0..self.samples {
-                    add(self.sample_light(hit, shading, medium, light, (1.0, splits.get(i)), counters));
+                    add(self.sample_light(&mut receiver, light, (1.0, splits.get(i)), scratch));
                 }
             }
         } else {
@@ -72,8 +92,7 @@ impl<'a> DirectLighting<'a> {
             let splits = samples.splits(self.samples);
             for i in 0..self.samples {
                 let (index, probability, _) = power.sample(refined(choices.get(i)));
-                let light = &self.scene.lights()[index];
-                add(self.sample_light(hit, shading, medium, light, (probability, splits.get(i)), counters));
+                add(self.sample_light(&mut receiver, index, (probability, splits.get(i)), scratch));
             }
         }
         let count = self.samples as f32;
@@ -82,16 +101,16 @@ impl<'a> DirectLighting<'a> {
 
     /// One shadow ray, weighted against BSDF sampling where that is done too. `choice` holds the probability with which
     /// the light was chosen and the random numbers.
-    pub fn sample_light(
+    fn sample_light(
         &self,
-        hit: &SurfaceInteraction,
-        shading: &Shading,
-        medium: MediumId,
-        light: &Light,
+        receiver: &mut Receiver<'_>,
+        index: usize,
         (probability, u): (f32, Vec2),
-        counters: &mut Counters,
+        scratch: &mut Scratch,
     ) -> Reflected {
         let nothing = Reflected::default();
+        let light = &self.scene.lights()[index];
+        let Receiver { hit, shading, medium, .. } = *receiver;
         let Some(sample) = light.sample_li(hit.point.position, u) else {
             return nothing;
         };
@@ -113,12 +132,21 @@ impl<'a> DirectLighting<'a> {
         let Some(medium) = self.scene.medium_after(medium, hit, shading, sample.wi, transmission) else {
             return nothing;
         };
-        let ray = match sample.target {
-            Some(target) => hit.spawn_to(target),
-            None => hit.spawn(sample.wi),
+        // Photons tell of the side that they arrived on.
+        let decision = if transmission { None } else { self.decision(receiver, index, scratch) };
+        let is_seen = match decision {
+            Some(ShadowDecision::Lit) => true,
+            Some(ShadowDecision::Shadow) => false,
+            Some(ShadowDecision::Mixed | ShadowDecision::TooFew) | None => {
+                scratch.counters.shadow_rays += 1;
+                let ray = match sample.target {
+                    Some(target) => hit.spawn_to(target),
+                    None => hit.spawn(sample.wi),
+                };
+                !self.scene.occluded(&ray)
+            }
         };
-        counters.shadow_rays += 1;
-        if self.scene.occluded(&ray) {
+        if !is_seen {
             return nothing;
         }
         let medium = self.scene.medium(medium);
@@ -155,6 +183,32 @@ impl<'a> DirectLighting<'a> {
         })
     }
 
+    /// What the photons of a light say of the receiver, asked once for all rays; counts the ray that waits for it.
+    #[inline]
+    fn decision(
+        &self,
+        receiver: &mut Receiver<'_>,
+        light: usize,
+        scratch: &mut Scratch,
+    ) -> Option<ShadowDecision> {
+        let shadows = self.shadows?;
+        let counters = &mut scratch.shadows;
+        if counters.len() <= light {
+            counters.resize(self.scene.lights().len(), ShadowCounters::default());
+        }
+        let decision = match receiver.decided {
+            Some((decided, decision)) if decided == light => decision,
+            _ => {
+                let decision = shadows.decide(light as LightId, receiver.hit, &mut scratch.photons);
+                receiver.decided = Some((light, decision));
+                scratch.shadows[light].decide(decision);
+                decision
+            }
+        };
+        scratch.shadows[light].ray(decision);
+        decision
+    }
+
     /// Probability with which [`Self::radiance`] chooses a light: what the pdf of its samples is multiplied by.
     pub fn choice_probability(&self, light: LightId) -> f32 {
         match self.scene.light_power() {
@@ -163,6 +217,53 @@ impl<'a> DirectLighting<'a> {
             }
             _ => 1.0,
         }
+    }
+}
+
+/// What shadow photons decided about one light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct ShadowCounters {
+    /// Points at which they say that all of the light is seen.
+    pub lit: u64,
+    /// Points at which they say that none of it is.
+    pub shadow: u64,
+    /// Points where direct and shadow photons meet.
+    pub mixed: u64,
+    /// Points with too few photons around to say.
+    pub too_few: u64,
+    /// Shadow rays that were not traced.
+    pub rays_saved: u64,
+    /// Shadow rays that were.
+    pub rays_traced: u64,
+}
+
+impl ShadowCounters {
+    fn decide(&mut self, decision: Option<ShadowDecision>) {
+        match decision {
+            Some(ShadowDecision::Lit) => self.lit += 1,
+            Some(ShadowDecision::Shadow) => self.shadow += 1,
+            Some(ShadowDecision::Mixed) => self.mixed += 1,
+            Some(ShadowDecision::TooFew) => self.too_few += 1,
+            None => {}
+        }
+    }
+
+    fn ray(&mut self, decision: Option<ShadowDecision>) {
+        match decision {
+            Some(ShadowDecision::Lit | ShadowDecision::Shadow) => self.rays_saved += 1,
+            Some(ShadowDecision::Mixed | ShadowDecision::TooFew) | None => self.rays_traced += 1,
+        }
+    }
+}
+
+impl AddAssign for ShadowCounters {
+    fn add_assign(&mut self, other: Self) {
+        self.lit += other.lit;
+        self.shadow += other.shadow;
+        self.mixed += other.mixed;
+        self.too_few += other.too_few;
+        self.rays_saved += other.rays_saved;
+        self.rays_traced += other.rays_traced;
     }
 }
 

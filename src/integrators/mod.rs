@@ -8,10 +8,11 @@ mod path;
 mod photon_map;
 mod specular;
 
-pub use direct::{DirectLighting, Reflected};
+pub use direct::{DirectLighting, Reflected, ShadowCounters};
 pub use path::PathTracer;
 pub use photon_map::{
-    CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons, visible_domain,
+    CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons,
+    visible_domain,
 };
 
 use crate::film::PixelSample;
@@ -35,6 +36,8 @@ pub struct Scratch {
     pub photons: PhotonScratch,
     /// What was traced.
     pub counters: Counters,
+    /// What shadow photons decided, by light; empty where they are not asked.
+    pub shadows: Vec<ShadowCounters>,
     /// Specular branches that wait for their turn.
     branches: Vec<specular::Branch>,
 }

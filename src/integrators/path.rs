@@ -145,8 +145,7 @@ impl PathTracer<'_> {
 impl Integrator for PathTracer<'_> {
     fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
         let mut out = PixelSample::default();
-        let counters = &mut scratch.counters;
-        counters.camera_rays += 1;
+        scratch.counters.camera_rays += 1;
         let mut state = State {
             ray,
             throughput: Rgb::ONE,
@@ -156,8 +155,8 @@ impl Integrator for PathTracer<'_> {
             chain: 0,
         };
         for depth in 0..self.max_depth {
-            counters.depth_sum += 1;
-            counters.path_rays += u64::from(depth > 0);
+            scratch.counters.depth_sum += 1;
+            scratch.counters.path_rays += u64::from(depth > 0);
             let Some(hit) = self.scene.intersect(&state.ray) else {
                 out.add(state.class.part(), state.throughput * self.environment(state.drawn));
                 return out;
@@ -172,11 +171,12 @@ impl Integrator for PathTracer<'_> {
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
             let shading = hit.shading(self.scene.material(&hit));
             if shading.bsdf.has_specular() || shading.bsdf.has_glossy() {
-                counters.interfaces += 1;
-                counters.medium_mismatches += u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
+                scratch.counters.interfaces += 1;
+                scratch.counters.medium_mismatches +=
+                    u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
             }
             if shading.bsdf.has_diffuse() || shading.bsdf.has_glossy() {
-                let direct = self.direct.radiance(&hit, &shading, state.medium, samples, counters);
+                let direct = self.direct.radiance(&hit, &shading, state.medium, samples, scratch);
                 out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct.diffuse);
                 out.add(state.class.after(Lobe::Glossy).part(), state.throughput * direct.glossy);
             }
@@ -184,7 +184,7 @@ impl Integrator for PathTracer<'_> {
                 return out;
             }
         }
-        counters.truncated += 1;
+        scratch.counters.truncated += 1;
         out
     }
 }

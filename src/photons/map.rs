@@ -245,6 +245,12 @@ impl PhotonMap {
         &self.payloads[index]
     }
 
+    /// Class of photon `index`.
+    #[inline]
+    pub fn class(&self, index: usize) -> PhotonClass {
+        super::photon::decode_class(self.tree.tag(index))
+    }
+
     #[inline]
     pub(super) fn position(&self, index: usize) -> Vec3 {
         self.tree.position(index)

@@ -2,12 +2,13 @@
 
 use super::maps::{PassOne, build_maps, is_worth_a_warning};
 use super::observer::Observer;
-use super::settings::Settings;
+use super::settings::{Settings, Show};
 use super::stats::{CacheStatistics, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
 use crate::integrators::{
-    CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShowPhotons,
+    CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShadowCounters,
+    ShowClasses, ShowPhotons,
 };
 use crate::math::Rgb;
 use crate::sampling::SampleStream;
@@ -90,8 +91,7 @@ pub fn render(
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
     }
-    let plan =
-        RenderPlan::new(scene, settings.integrator, settings.map).with_cache(settings.irradiance_cache);
+    let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
     let Some(pass_one) = build_maps(scene, &plan, settings, observer) else {
@@ -117,13 +117,16 @@ pub fn render(
             }
             Box::new(integrator)
         }
+        IntegratorKind::Photons if settings.show == Show::Classes => {
+            Box::new(ShowClasses::new(scene, &pass_one.maps, settings.map, reading, medium))
+        }
         IntegratorKind::Photons => {
             Box::new(ShowPhotons::new(scene, &pass_one.maps, settings.map, reading, medium))
         }
         IntegratorKind::Path => Box::new(PathTracer::new(scene, settings.max_depth, medium)),
     };
     let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
-    let (counters, finished) = pixels.run(&mut film)?;
+    let (counters, shadows, finished) = pixels.run(&mut film)?;
     drop(integrator);
     let mut statistics = statistics(scene, settings, plan, pass_one);
     statistics.times.pixels = start.elapsed().as_secs_f64();
@@ -135,6 +138,18 @@ pub fn render(
         segments as f64 / (counters.gather_paths + filling.gather_paths).max(1) as f64;
     statistics.cache = cache;
     statistics.counters = counters;
+    for (light, decisions) in statistics.shadows.iter_mut().zip(shadows) {
+        let rays = decisions.rays_saved + decisions.rays_traced;
+        light.decisions = decisions;
+        if light.rays > 0 && decisions.rays_traced > 0 && decisions.rays_saved == 0 {
+            statistics.warnings.push(format!(
+                "the photons of light {} saved no shadow ray: too few are near one another (raise --shadow-photon-rays), \
+                 or it is nowhere seen whole or hidden whole",
+                light.light
+            ));
+        }
+        light.rays_saved_percent = 100.0 * decisions.rays_saved as f64 / rays.max(1) as f64;
+    }
     statistics.samples = film.sample_count() / film.rect().area().max(1) as u64;
     statistics.rejected_samples = film.rejections().samples;
     warn(&mut statistics, scene);
@@ -173,6 +188,8 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
         maps: pass_one.statistics,
         cache: None,
+        shadows: pass_one.shadows,
+        seconds_shadows: pass_one.seconds_shadows,
         counters: Counters::default(),
         mean_depth: 0.0,
         mean_path_depth: 0.0,
@@ -225,19 +242,20 @@ struct PixelPass<'a> {
 
 impl PixelPass<'_> {
     /// Takes all samples, in passes that each give the whole picture some; `false` where it was stopped.
-    fn run(&self, film: &mut Film) -> Result<(Counters, bool), FilmError> {
+    fn run(&self, film: &mut Film) -> Result<(Counters, Vec<ShadowCounters>, bool), FilmError> {
         let spp = self.request.settings.spp;
         let rect = film.rect();
         let tiles = rect.tiles(TILE);
         let total = rect.area() as u64 * u64::from(spp);
         self.observer.begin("rendering", total);
         let mut counters = Counters::default();
+        let mut shadows = vec![ShadowCounters::default(); self.scene.lights().len()];
         let mut done = 0u64;
         let mut first = 0;
         while first < spp {
             let count = first.clamp(1, LARGEST_PASS).min(spp - first);
             for group in tiles.chunks(TILES_AT_ONCE) {
-                let rendered: Vec<Option<(Tile, Counters)>> = group
+                let rendered: Vec<Option<(Tile, Counters, Vec<ShadowCounters>)>> = group
                     .par_iter()
                     .map_init(Scratch::default, |scratch, &rect| {
                         if self.observer.should_stop() {
@@ -245,27 +263,29 @@ impl PixelPass<'_> {
                         }
                         let mut tile = film.tile(rect)?;
                         self.fill(&mut tile, first, count, scratch);
-                        Ok(Some((tile, std::mem::take(&mut scratch.counters))))
+                        let counters = std::mem::take(&mut scratch.counters);
+                        Ok(Some((tile, counters, std::mem::take(&mut scratch.shadows))))
                     })
                     .collect::<Result<_, FilmError>>()?;
                 let mut whole = true;
                 for tile in rendered {
-                    let Some((tile, counted)) = tile else {
+                    let Some((tile, counted, decided)) = tile else {
                         whole = false;
                         continue;
                     };
                     film.merge(&tile)?;
                     counters += counted;
+                    shadows.iter_mut().zip(decided).for_each(|(sum, light)| *sum += light);
                     done += tile.rect().area() as u64 * u64::from(count);
                 }
                 self.observer.advance(done);
                 if !whole {
-                    return Ok((counters, false));
+                    return Ok((counters, shadows, false));
                 }
             }
             first += count;
         }
-        Ok((counters, true))
+        Ok((counters, shadows, true))
     }
 
     fn fill(&self, tile: &mut Tile, first: u32, count: u32, scratch: &mut Scratch) {

@@ -1,10 +1,12 @@
 //! Pass 1 as a job: traces photons, builds the maps the plan asks for, and says what is odd about them.
 
 use super::observer::Observer;
-use super::settings::Settings;
-use super::stats::{MapStatistics, PhotonStatistics};
+use super::settings::{IntegratorKind, Settings, ShadowMode};
+use super::stats::{MapStatistics, PhotonStatistics, ShadowStatistics};
 use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
-use crate::photons::{EstimateParams, Kernel, PhotonMap, PhotonTally, TraceSettings, trace_photons};
+use crate::photons::{
+    EstimateParams, Kernel, PhotonMap, PhotonTally, TraceSettings, build_shadow_maps, trace_photons,
+};
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
 use std::time::Instant;
@@ -38,6 +40,10 @@ pub struct PassOne {
     pub reports: Vec<MapReport>,
     /// Numbers for the statistics.
     pub statistics: Vec<MapStatistics>,
+    /// Shadow photons, by light.
+    pub shadows: Vec<ShadowStatistics>,
+    /// Seconds for those.
+    pub seconds_shadows: f64,
     /// Things a user should know.
     pub warnings: Vec<String>,
     /// Seconds.
@@ -100,8 +106,48 @@ pub fn build_maps(
             &mut pass,
         )?);
     }
+    if plan.shadow_photons.build {
+        build_shadows(scene, settings, observer, &mut pass);
+    }
     pass.seconds = start.elapsed().as_secs_f64();
     Some(pass)
+}
+
+fn build_shadows(scene: &Scene, settings: &Settings, observer: &dyn Observer, pass: &mut PassOne) {
+    let rays = settings.shadow_photon_rays;
+    observer.begin("tracing shadow photons", 1);
+    let start = Instant::now();
+    // Photons themselves are kept where they are to be shown.
+    let mode = match settings.integrator {
+        IntegratorKind::Photons => ShadowMode::Off,
+        IntegratorKind::PhotonMap | IntegratorKind::Path => settings.shadow_photons,
+    };
+    let max_radius = settings.photon_map_settings(scene.bounds().1).max_radius;
+    let maps = build_shadow_maps(scene, mode, rays, settings.seed, max_radius);
+    pass.seconds_shadows = start.elapsed().as_secs_f64();
+    for (light, tally) in maps.tallies().iter().enumerate() {
+        if tally.dropped > 0 {
+            pass.warnings.push(format!(
+                "{} crossings of rays from light {light} with surfaces were not kept: shadow photons are missing there",
+                tally.dropped
+            ));
+        }
+        pass.shadows.push(ShadowStatistics {
+            light: light as u32,
+            rays: tally.rays,
+            missed: tally.missed,
+            crossings: tally.crossings,
+            merged: tally.merged,
+            dropped: tally.dropped,
+            direct_photons: tally.direct,
+            shadow_photons: tally.shadow,
+            bytes: maps.memory_bytes(light) as u64,
+            decisions: Default::default(),
+            rays_saved_percent: 0.0,
+        });
+    }
+    pass.maps.shadows = Some(maps);
+    observer.advance(1);
 }
 
 fn build_map(

@@ -10,4 +10,4 @@ pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
 pub use maps::{MapReport, PassOne, build_maps};
 pub use observer::{Observer, Silent};
 pub use settings::*;
-pub use stats::{CacheStatistics, MapStatistics, PhotonStatistics, Statistics, Times};
+pub use stats::{CacheStatistics, MapStatistics, PhotonStatistics, ShadowStatistics, Statistics, Times};

@@ -1,7 +1,8 @@
 //! What a user may choose, and what the presets choose.
 
 use crate::photons::{Estimator, Kernel, SearchRegion};
-pub use crate::scene::{IntegratorKind, MapKind};
+pub use crate::scene::{IntegratorKind, MapKind, ShadowMode};
+use crate::scene::{RenderPlan, Scene};
 use serde::Serialize;
 
 /// Presets.
@@ -16,6 +17,16 @@ pub enum Quality {
     Final,
     /// What one measures others against.
     Reference,
+}
+
+/// What [`IntegratorKind::Photons`] shows of its photons.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Show {
+    /// The radiance that they make.
+    Radiance,
+    /// Each photon as a disc in the colour of its class (figure 1 of Jensen 1996).
+    Classes,
 }
 
 /// Settings that somebody asked for; `None` leaves the choice to who comes before: command line over scene file
@@ -56,6 +67,12 @@ pub struct Overrides {
     pub light_samples: Option<u32>,
     /// Whether estimates leave out what cannot be seen from their centre.
     pub visible_kernel: Option<bool>,
+    /// Whether shadow photons tell where shadow rays are not needed.
+    pub shadow_photons: Option<ShadowMode>,
+    /// Rays that place shadow photons, of all lights together.
+    pub shadow_photon_rays: Option<u64>,
+    /// What is shown of photons that are shown directly.
+    pub show: Option<Show>,
     /// Longest path, in surfaces, after which light is counted as truncated.
     pub max_depth: Option<u32>,
     /// Whether indirect light of Lambertian surfaces is interpolated between few places (Ward & Heckbert 1992).
@@ -91,6 +108,9 @@ impl Overrides {
             precomputed_irradiance: self.precomputed_irradiance.or(below.precomputed_irradiance),
             light_samples: self.light_samples.or(below.light_samples),
             visible_kernel: self.visible_kernel.or(below.visible_kernel),
+            shadow_photons: self.shadow_photons.or(below.shadow_photons),
+            shadow_photon_rays: self.shadow_photon_rays.or(below.shadow_photon_rays),
+            show: self.show.or(below.show),
             max_depth: self.max_depth.or(below.max_depth),
             irradiance_cache: self.irradiance_cache.or(below.irradiance_cache),
             cache_error: self.cache_error.or(below.cache_error),
@@ -139,6 +159,12 @@ pub struct Settings {
     pub light_samples: u32,
     /// Whether estimates leave out what cannot be seen from their centre.
     pub visible_kernel: bool,
+    /// Whether shadow photons tell where shadow rays are not needed.
+    pub shadow_photons: ShadowMode,
+    /// Rays that place shadow photons, of all lights together.
+    pub shadow_photon_rays: u64,
+    /// What is shown of photons that are shown directly.
+    pub show: Show,
     /// Longest path, in surfaces.
     pub max_depth: u32,
     /// Whether indirect light of Lambertian surfaces is interpolated between few places (Ward & Heckbert 1992).
@@ -151,6 +177,16 @@ pub struct Settings {
     pub accurate_distance: f32,
     /// Paths of which less than this share arrives are evaluated from the maps alone.
     pub approximate_weight: f32,
+}
+
+impl Settings {
+    /// What `scene` requires for these settings.
+    pub fn plan(&self, scene: &Scene) -> RenderPlan {
+        let shows_classes = self.integrator == IntegratorKind::Photons && self.show == Show::Classes;
+        RenderPlan::new(scene, self.integrator, self.map)
+            .with_cache(self.irradiance_cache)
+            .with_shadow_photons(scene, self.shadow_photons, shows_classes)
+    }
 }
 
 impl Quality {
@@ -185,6 +221,10 @@ impl Quality {
             precomputed_irradiance: true,
             light_samples: 1,
             visible_kernel: true,
+            // What it saves is less than it costs at one shadow ray per light: docs/shadow-photons.md.
+            shadow_photons: ShadowMode::Off,
+            shadow_photon_rays: 200_000,
+            show: Show::Radiance,
             // Reached with probability 1e-4 where everything reflects 99.9 %.
             max_depth: 10_000,
             irradiance_cache: self != Self::Reference,
@@ -220,6 +260,9 @@ impl From<&Overrides> for Settings {
             visible_kernel: asked
                 .visible_kernel
                 .unwrap_or(preset.visible_kernel && asked.estimator != Some(Estimator::AsPrinted)),
+            shadow_photons: asked.shadow_photons.unwrap_or(preset.shadow_photons),
+            shadow_photon_rays: asked.shadow_photon_rays.unwrap_or(preset.shadow_photon_rays),
+            show: asked.show.unwrap_or(preset.show),
             max_depth: asked.max_depth.unwrap_or(preset.max_depth),
             irradiance_cache: asked.irradiance_cache.unwrap_or(preset.irradiance_cache),
             cache_error: asked.cache_error.unwrap_or(preset.cache_error),

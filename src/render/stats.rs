@@ -1,4 +1,4 @@
-use crate::integrators::Counters;
+use crate::integrators::{Counters, ShadowCounters};
 use crate::scene::{MapKind, RenderPlan};
 use serde::Serialize;
 
@@ -72,6 +72,34 @@ pub struct CacheStatistics {
     pub counters: Counters,
 }
 
+/// Direct and shadow photons of one light, and what they decided.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShadowStatistics {
+    /// Number of the light.
+    pub light: u32,
+    /// Rays traced through the scene.
+    pub rays: u64,
+    /// Rays that crossed nothing.
+    pub missed: u64,
+    /// Surfaces crossed.
+    pub crossings: u64,
+    /// Hits at edges and corners that were the same crossing as another.
+    pub merged: u64,
+    /// Crossings beyond what is kept of one ray.
+    pub dropped: u64,
+    /// Direct photons stored.
+    pub direct_photons: u64,
+    /// Shadow photons stored.
+    pub shadow_photons: u64,
+    /// Memory of what is kept of them.
+    pub bytes: u64,
+    /// What was decided at the points that were shaded.
+    #[serde(flatten)]
+    pub decisions: ShadowCounters,
+    /// Shadow rays saved of those that full shadow rays would have needed, percent.
+    pub rays_saved_percent: f64,
+}
+
 /// Everything that `--stats` writes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Statistics {
@@ -91,6 +119,10 @@ pub struct Statistics {
     pub samples: u64,
     /// Photon maps.
     pub maps: Vec<MapStatistics>,
+    /// Shadow photons, by light; empty where they are not used.
+    pub shadows: Vec<ShadowStatistics>,
+    /// Seconds to trace and sort them.
+    pub seconds_shadows: f64,
     /// Bytes of precomputed irradiance.
     pub irradiance_bytes: u64,
     /// The irradiance cache, where there is one.

@@ -1,5 +1,6 @@
 //! The scene as the integrators see it: immutable, in render space, shared by all threads.
 
+mod crossings;
 mod material;
 mod plan;
 mod render_space;
@@ -7,8 +8,9 @@ mod surface;
 mod texture;
 mod world;
 
+pub use crossings::Crossings;
 pub use material::{Material, Tangent};
-pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan};
+pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan, ShadowMode};
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
 pub use texture::{Bump, MaterialTexture};

@@ -2,6 +2,7 @@
 
 use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
+use crate::lights::Light;
 use serde::Serialize;
 use std::fmt;
 
@@ -25,6 +26,35 @@ pub enum MapKind {
     Global,
     /// Photons that met only specular surfaces between the light and the surface they are stored at.
     Caustic,
+}
+
+/// Whether photons stored along rays from the lights through the whole scene (Jensen & Christensen 1995, section 3 of
+/// Jensen 1996) tell where shadow rays are not needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ShadowMode {
+    /// No: every shadow ray is traced.
+    Off,
+    /// Section 4.1 of Jensen 1996 to the letter: no ray where the nearest photons are all direct or all shadow.
+    AsPrinted,
+    /// No ray where enough photons around a point agree that, with a stated confidence, less than a stated share of the
+    /// light is otherwise.
+    Bounded,
+}
+
+impl ShadowMode {
+    /// Whether shadow photons answer for `light`.
+    ///
+    /// `AsPrinted` asks them for all lights that shine from somewhere, as the paper does. `Bounded` asks them for lights
+    /// with a size alone: at the sharp edge of a point light's shadow a wrong answer would be wrong by all of the light,
+    /// and one ray is the exact answer.
+    pub fn serves(self, light: &Light) -> bool {
+        match (self, light) {
+            (Self::Off, _) | (_, Light::Environment(_)) => false,
+            (_, Light::Area(_)) | (Self::AsPrinted, Light::Point(_) | Light::Directional(_)) => true,
+            (Self::Bounded, Light::Point(_) | Light::Directional(_)) => false,
+        }
+    }
 }
 
 /// Whether something is built, and why.
@@ -69,6 +99,8 @@ pub struct RenderPlan {
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
     pub bsdf_sampling: Decision,
+    /// Maps of direct and shadow photons, one for each light, that tell where shadow rays are not needed.
+    pub shadow_photons: Decision,
     /// Absorption along rays.
     pub absorption: Decision,
     /// Embree geometry kinds in the scene, with counts.
@@ -111,6 +143,7 @@ impl RenderPlan {
                 IntegratorKind::Path => Decision::yes("paths that hit lights by chance carry caustics"),
                 IntegratorKind::PhotonMap => facts.bsdf_sampling(),
             },
+            shadow_photons: Decision::no("every shadow ray is traced"),
             absorption: if facts.absorbing > 0 {
                 Decision::yes(format!("{} medium or media absorb", facts.absorbing))
             } else {
@@ -129,8 +162,37 @@ impl RenderPlan {
         self
     }
 
+    /// The same plan with shadow photons as asked for; `show` where photons are shown by class.
+    #[must_use]
+    pub fn with_shadow_photons(mut self, scene: &Scene, mode: ShadowMode, show: bool) -> Self {
+        let sized = scene.lights().iter().filter(|light| mode.serves(light)).count();
+        self.shadow_photons = if show {
+            Decision::yes("photons are shown by their class")
+        } else if mode == ShadowMode::Off {
+            return self;
+        } else if !self.light_sampling.build {
+            Decision::no(self.light_sampling.reason.clone())
+        } else if !self.global_map.build {
+            Decision::no("path tracing traces every shadow ray")
+        } else if sized == 0 && mode == ShadowMode::Bounded {
+            Decision::no(
+                "no light has a size: from a point or parallel light one shadow ray tells exactly, and light from all \
+                 around is nearly nowhere whole",
+            )
+        } else if sized == 0 {
+            Decision::no("light from all around is nearly nowhere whole")
+        } else if !scene.embree().finds_all_crossings() {
+            Decision::no(
+                "this Embree was built without filter functions, by which all crossings of a ray are found",
+            )
+        } else {
+            Decision::yes(format!("{sized} light(s) are wholly seen or hidden from large areas"))
+        };
+        self
+    }
+
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 8] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 9] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
@@ -139,6 +201,7 @@ impl RenderPlan {
             ("irradiance cache", &self.irradiance_cache),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
+            ("shadow photons", &self.shadow_photons),
             ("absorption", &self.absorption),
         ]
     }

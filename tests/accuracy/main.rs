@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod cache;
+mod crossings;
 mod determinism;
 mod direct;
 mod enclosures;
@@ -15,4 +16,5 @@ mod photon_pass;
 mod pictures;
 mod refraction;
 mod robust_rays;
+mod shadow_photons;
 mod support;

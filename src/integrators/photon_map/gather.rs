@@ -248,7 +248,7 @@ impl PhotonMapIntegrator<'_> {
         let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
         let key = mix(mix(bits(p.x, p.y)) ^ bits(p.z, u));
         let mut samples = SampleStream::new(key, u64::from(recursion), 0);
-        let direct = self.direct.radiance(at.hit, at.shading, at.medium, &mut samples, &mut scratch.counters);
+        let direct = self.direct.radiance(at.hit, at.shading, at.medium, &mut samples, scratch);
         let caustics = self.caustics(at, scratch);
         let point = [samples.splits(1).get_4d(0)].into_iter();
         let (indirect, by_bsdf) = self.gather_from(at, point, (true, recursion + 1), scratch);

@@ -6,11 +6,13 @@ mod gather;
 mod glossy;
 mod lookup;
 mod show;
+mod show_classes;
 mod walk;
 
 pub use cache::{CachePass, CacheRequest};
 pub use lookup::visible_domain;
 pub use show::ShowPhotons;
+pub use show_classes::ShowClasses;
 
 use super::direct::{DirectLighting, Reflected};
 use super::{Integrator, Scratch};
@@ -18,7 +20,7 @@ use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion};
+use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps};
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
@@ -86,6 +88,8 @@ pub struct PhotonMaps {
     pub irradiance: Option<IrradianceMap>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
+    /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
+    pub shadows: Option<ShadowMaps>,
 }
 
 /// Pass 2.
@@ -125,7 +129,8 @@ impl<'a> PhotonMapIntegrator<'a> {
         camera_medium: MediumId,
     ) -> Self {
         let bsdf_sampling = plan.bsdf_sampling.build;
-        let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling);
+        let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling)
+            .with_shadows(maps.shadows.as_ref());
         Self { scene, maps, settings, direct, bsdf_sampling, camera_medium, cache: None }
     }
 
@@ -164,7 +169,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         }
         scratch.counters.accurate_seen += u64::from(has_diffuse);
         let by_light = if has_diffuse || has_glossy {
-            self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters)
+            self.direct.radiance(hit, shading, medium, samples, scratch)
         } else {
             Reflected::default()
         };

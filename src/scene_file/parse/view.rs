@@ -2,7 +2,7 @@
 
 use crate::math::unit_f64;
 use crate::photons::{Estimator, Kernel, SearchRegion};
-use crate::render::{IntegratorKind, MapKind, Overrides, Quality};
+use crate::render::{IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
 use glam::DVec3;
@@ -141,6 +141,10 @@ const ESTIMATORS: &[(&str, Estimator)] =
 const SEARCH_REGIONS: &[(&str, SearchRegion)] =
     &[("sphere", SearchRegion::Sphere), ("disc", SearchRegion::Disc)];
 
+const SHADOW_MODES: &[(&str, ShadowMode)] =
+    &[("off", ShadowMode::Off), ("as-printed", ShadowMode::AsPrinted), ("bounded", ShadowMode::Bounded)];
+const SHOWS: &[(&str, Show)] = &[("radiance", Show::Radiance), ("classes", Show::Classes)];
+
 /// Filter constant of the cone where none is given: as in the presets.
 const DEFAULT_CONE: f32 = 1.0;
 const KERNELS: &[(&str, Kernel)] = &[
@@ -154,6 +158,7 @@ const KERNELS: &[(&str, Kernel)] = &[
 pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     const MANY: u64 = 1 << 24;
     const PHOTONS: u64 = 1 << 40;
+    const SHADOW_RAYS: u64 = 1 << 30;
     let count = |low: u64, high: u64| {
         move |value: Value<'_>| value.integer(low..=high).and_then(|count| u32::try_from(count).ok())
     };
@@ -173,6 +178,9 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let gather_samples = table.optional("gather-samples", count(1, MANY));
     let glossy_samples = table.optional("glossy-samples", count(1, MANY));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
+    let shadow_photons = table.optional("shadow-photons", |value| value.choice(SHADOW_MODES));
+    let shadow_photon_rays = table.optional("shadow-photon-rays", |value| value.integer(0..=SHADOW_RAYS));
+    let show = table.optional("show", |value| value.choice(SHOWS));
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
     let max_depth = table.optional("max-depth", count(1, MANY));
@@ -199,6 +207,9 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         gather_samples: gather_samples?,
         glossy_samples: glossy_samples?,
         visible_kernel: visible_kernel?,
+        shadow_photons: shadow_photons?,
+        shadow_photon_rays: shadow_photon_rays?,
+        show: show?,
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
         max_depth: max_depth?,
@@ -247,5 +258,7 @@ mod tests {
         check(MAPS);
         check(ESTIMATORS);
         check(SEARCH_REGIONS);
+        check(SHADOW_MODES);
+        check(SHOWS);
     }
 }
