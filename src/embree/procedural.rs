@@ -44,17 +44,19 @@ pub trait Procedural: fmt::Debug + Send + Sync {
         let mut start = 0.0;
         for _ in 0..MOST {
             let rest = Ray { origin: ray.at(start), t_max: ray.t_max - start, ..*ray };
-            let Some(t) = self.intersect(primitive, &rest) else { return };
-            // The new origin is rounded: a hit no farther than that is the last one again.
-            let blur = 4.0 * f32::EPSILON * rest.origin.abs().max_element() / ray.direction.length();
-            if start == 0.0 || t > blur {
-                hits.push(start + t);
-            }
-            let next = (start + t.max(blur)).next_up();
-            if !(next > start && next < ray.t_max) {
+            let Some(hit) = self.nearest(primitive, &rest) else { return };
+            let t = hit.t as f32;
+            if !(t > 0.0 && t <= rest.t_max && t < f32::INFINITY) {
                 return;
             }
-            start = next;
+            hits.push(start + t);
+            // The next origin is rounded by so much across the surface, and along the ray by that over the cosine.
+            let reach = ray.origin.abs() + (start + t) * ray.direction.abs();
+            let across = 4.0 * f32::EPSILON * reach.max_element();
+            start = (start + t + across / ray.direction.dot(hit.normal.as_vec3()).abs()).next_up();
+            if !(start < ray.t_max) {
+                return;
+            }
         }
     }
 
@@ -65,7 +67,17 @@ pub trait Procedural: fmt::Debug + Send + Sync {
         const SAME: f64 = 1e-4;
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let rounded = f64::from(t);
-        let hit = self.nearest(primitive, ray).filter(|hit| (hit.t - rounded).abs() <= SAME * rounded);
+        let is_same = |hit: &ObjectHit| (hit.t - rounded).abs() <= SAME * rounded;
+        // One of several hits is asked for again from just before it, from an origin that is rounded.
+        let again = || {
+            let start = t * (1.0 - 0.5 * SAME as f32);
+            let rest = Ray { origin: ray.at(start), t_max: t * 2.0 * SAME as f32, ..*ray };
+            let hit = self.nearest(primitive, &rest)?;
+            let moved =
+                f64::from(f32::EPSILON) * 2.0 * (origin.abs() + (rounded * direction).abs()).max_element();
+            Some(ObjectHit { t: f64::from(start) + hit.t, error: hit.error + moved, ..hit })
+        };
+        let hit = self.nearest(primitive, ray).filter(is_same).or_else(|| again().filter(is_same));
         // A grazing hit may be gone: then the place Embree found, and as much error as its parameter has.
         let hit = hit.unwrap_or_else(|| ObjectHit {
             t: rounded,
@@ -111,5 +123,60 @@ impl SurfacePoint {
     /// A point of an object of one part, without smoothing.
     pub fn new(position: DVec3, error: Vec3, normal: DVec3, uv: Vec2) -> Self {
         Self { position, error, normal, shading_normal: normal, uv, part: 0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream};
+
+    /// A unit ball by the two functions alone.
+    #[derive(Debug)]
+    struct Ball;
+
+    impl Procedural for Ball {
+        fn bounds(&self, _primitive: u32) -> Bounds3 {
+            Bounds3 { min: DVec3::NEG_ONE, max: DVec3::ONE }
+        }
+
+        fn nearest(&self, _primitive: u32, ray: &Ray) -> Option<ObjectHit> {
+            let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+            let (a, b, c) = (d.length_squared(), o.dot(d), o.length_squared() - 1.0);
+            let root = (b * b - a * c).sqrt();
+            let t = [(-b - root) / a, (-b + root) / a].into_iter().find(|t| *t as f32 > 0.0)?;
+            let normal = o + t * d;
+            (t <= f64::from(ray.t_max)).then_some(ObjectHit { t, normal, error: 1e-14 })
+        }
+    }
+
+    #[test]
+    fn all_else_follows_from_two_functions() {
+        let mut rng = Rng::new(1, Stream::Measure, 3);
+        let mut random = || 2.0 * DVec3::new(rng.next_f64(), rng.next_f64(), rng.next_f64()) - 1.0;
+        let mut crossings = 0;
+        for _ in 0..2000 {
+            let origin = (4.0 * random()).as_vec3();
+            let ray = Ray::new(origin, (random().as_vec3() - origin) * 3.0);
+            let mut hits = Vec::new();
+            Ball.intersect_all(0, &ray, &mut hits);
+            let inside = origin.length() < 1.0;
+            // A line that barely touches may have both hits at one place.
+            let chord = (1.0 - f64::from(origin.cross(ray.direction.normalize()).length_squared())).max(0.0);
+            assert!(
+                chord < 1e-5 || hits.is_empty() || hits.len() == if inside { 1 } else { 2 },
+                "{ray:?}: {hits:?}"
+            );
+            assert_eq!(Ball.occluded(0, &ray), !hits.is_empty());
+            for t in hits {
+                crossings += 1;
+                let point = Ball.refine(0, &ray, t);
+                let bound = 2.0 * f64::from(point.error.max_element());
+                assert!((point.position.length() - 1.0).abs() <= bound, "{ray:?} at {t}: {point:?}");
+                assert!(bound < 1e-5 || chord < 1e-5, "{ray:?} at {t}: {point:?}");
+                assert!(point.normal.dot(point.position) > 0.99);
+            }
+        }
+        assert!(crossings > 1000, "{crossings}");
     }
 }

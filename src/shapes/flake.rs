@@ -240,11 +240,11 @@ impl SphereFlake {
         }
     }
 
-    /// The nearest hit of a primitive, with the path to its sphere.
-    fn find(&self, primitive: u32, ray: &Ray, any: bool) -> Option<(f64, Path)> {
+    /// The nearest hit of a primitive beyond `low` and up to `high`, or any, with the path to its sphere.
+    fn find(&self, primitive: u32, ray: &Ray, [low, high]: [f64; 2], any: bool) -> Option<(f64, Path)> {
         let branch = &self.branches[primitive as usize];
         let (line, factor, offset) = Self::line(branch, ray)?;
-        let mut window = Window { low: -offset, high: f64::from(ray.t_max) * factor - offset };
+        let mut window = Window { low: low * factor - offset, high: high * factor - offset };
         let mut found = None;
         let start = window.low;
         self.walk(&line, branch.depth, 1, &mut window, &mut |window, [near, far], path| {
@@ -379,11 +379,13 @@ impl Procedural for SphereFlake {
     }
 
     fn intersect(&self, primitive: u32, ray: &Ray) -> Option<f32> {
-        self.find(primitive, ray, false).and_then(|(t, _)| accept(t, ray.t_max))
+        let span = [0.0, f64::from(ray.t_max)];
+        self.find(primitive, ray, span, false).and_then(|(t, _)| accept(t, ray.t_max))
     }
 
     fn occluded(&self, primitive: u32, ray: &Ray) -> bool {
-        self.find(primitive, ray, true).is_some_and(|(t, _)| accept(t, ray.t_max).is_some())
+        let span = [0.0, f64::from(ray.t_max)];
+        self.find(primitive, ray, span, true).is_some_and(|(t, _)| accept(t, ray.t_max).is_some())
     }
 
     fn intersect_all(&self, primitive: u32, ray: &Ray, hits: &mut Vec<f32>) {
@@ -396,12 +398,12 @@ impl Procedural for SphereFlake {
     }
 
     fn refine(&self, primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
-        /// An instance's rounding moves a hit by less than this, relatively; one elsewhere is another sphere.
-        const SAME: f64 = 1e-5;
+        /// Relative distance within which the hit must lie: the rounding of `t`, and of an instance.
+        const SAME: f64 = 1e-6;
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let rounded = f64::from(t);
-        let found = self.find(primitive, ray, false).filter(|(t, _)| (t - rounded).abs() <= SAME * rounded);
-        let (t, path) = found.unwrap_or_else(|| {
+        let around = [rounded * (1.0 - SAME), rounded * (1.0 + SAME)];
+        let (t, path) = self.find(primitive, ray, around, false).unwrap_or_else(|| {
             let branch = &self.branches[primitive as usize];
             let p = origin + rounded * direction - branch.center;
             let p = branch.frame.transpose() * p / branch.radius;

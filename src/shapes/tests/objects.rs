@@ -434,7 +434,18 @@ fn flake_against_its_spheres() {
             let bounds = flake.bounds(block);
             assert!(bounds.min.cmple(point.position).all() && bounds.max.cmpge(point.position).all());
             let mut all = Vec::new();
-            blocks.for_each(|block| flake.intersect_all(block, &ray, &mut all));
+            for block in blocks {
+                let before = all.len();
+                flake.intersect_all(block, &ray, &mut all);
+                // Each of them can be refined, not only the nearest.
+                let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+                for &t in &all[before..] {
+                    let to = flake.refine(block, &ray, t).position - origin;
+                    assert!(to.cross(direction).length() < 1e-9 * direction.length());
+                    let along = to.dot(direction) / direction.length_squared();
+                    assert!((along - f64::from(t)).abs() <= 2e-6 * along, "{along} instead of {t}");
+                }
+            }
             let mut wanted = Vec::new();
             exact.iter().for_each(|sphere| sphere.intersect_all(0, &ray, &mut wanted));
             assert_eq!(all.len(), wanted.len());
