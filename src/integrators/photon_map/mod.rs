@@ -150,11 +150,11 @@ impl<'a> PhotonMapIntegrator<'a> {
         if !shading.bsdf.has_diffuse() {
             return [(Aov::Direct, Rgb::ZERO), (Aov::Caustics, Rgb::ZERO), (Aov::Indirect, Rgb::ZERO)];
         }
-        if vertex.depth > 1 && vertex.weight < self.settings.approximate_weight {
-            if let Some(radiance) = self.approximate(hit, shading, scratch) {
-                scratch.counters.approximate_weight += 1;
-                return [(Aov::Direct, Rgb::ZERO), (Aov::Caustics, Rgb::ZERO), (Aov::Indirect, radiance)];
-            }
+        let is_faint = vertex.depth > 1 && vertex.weight < self.settings.approximate_weight;
+        let faint = if is_faint { self.approximate(hit, shading, scratch) } else { None };
+        if let Some(radiance) = faint {
+            scratch.counters.approximate_weight += 1;
+            return [(Aov::Direct, Rgb::ZERO), (Aov::Caustics, Rgb::ZERO), (Aov::Indirect, radiance)];
         }
         scratch.counters.accurate_seen += 1;
         let by_light = self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters);
