@@ -95,6 +95,9 @@ impl PhotonMapIntegrator<'_> {
         let mut filling = Filling::new(settings);
         let mut pass = CachePass::default();
         let mut done = 0;
+        if !self.has_photons() {
+            return Some(pass);
+        }
         for batch in batches() {
             let across = u64::from(width.div_ceil(batch.step));
             let grid = across * u64::from(height.div_ceil(batch.step));
@@ -275,7 +278,7 @@ mod tests {
 
     #[test]
     fn batches_hold_every_pixel_once() {
-        for (width, height) in [(1, 1), (33, 5), (64, 64), (100, 47)] {
+        for (width, height) in [(1u32, 1u32), (33, 5), (64, 64), (100, 47)] {
             let mut seen = vec![0; (width * height) as usize];
             let mut counts = Vec::new();
             for batch in batches() {

@@ -221,7 +221,7 @@ impl PhotonMapIntegrator<'_> {
         u: f32,
         scratch: &mut Scratch,
     ) -> Rgb {
-        if !landing.shading.bsdf.has_diffuse() || self.maps.global.is_none() {
+        if !landing.shading.bsdf.has_diffuse() || !self.has_photons() {
             return Rgb::ZERO;
         }
         let matters = landing.weight >= self.settings.approximate_weight;
@@ -239,7 +239,12 @@ impl PhotonMapIntegrator<'_> {
             return self.accurate(landing, recursion, u, scratch);
         }
         scratch.counters.approximate_poor += 1;
-        self.estimate_of_few(landing.hit, landing.shading, scratch)
+        self.poor_estimate(landing.hit, landing.shading, scratch)
+    }
+
+    /// Whether there is indirect light. An empty map is warned about, and not made up for.
+    pub(super) fn has_photons(&self) -> bool {
+        self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
     }
 
     /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling.
@@ -262,11 +267,7 @@ impl PhotonMapIntegrator<'_> {
         shading: &Shading,
         scratch: &mut Scratch,
     ) -> Option<Rgb> {
-        let map = self.maps.global.as_ref()?;
-        if map.is_empty() {
-            // Nothing is lit, and nothing else would find light either.
-            return Some(Rgb::ZERO);
-        }
+        let map = self.maps.global.as_ref().filter(|map| !map.is_empty())?;
         scratch.counters.global_lookups += 1;
         let largest = self.settings.max_radius;
         if let (Some(irradiance), Some(lambert)) = (&self.maps.irradiance, shading.bsdf.lambertian()) {
@@ -280,7 +281,7 @@ impl PhotonMapIntegrator<'_> {
     }
 
     /// What the map says, however few photons that rests on.
-    fn estimate_of_few(&self, hit: &SurfaceInteraction, shading: &Shading, scratch: &mut Scratch) -> Rgb {
+    fn poor_estimate(&self, hit: &SurfaceInteraction, shading: &Shading, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.global else { return Rgb::ZERO };
         let query = self.settings.global_query(hit.point.position, hit.facing_normal());
         let what = (map, &query, &self.settings.global);
