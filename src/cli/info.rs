@@ -28,7 +28,11 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     let loaded = load(&args.scene)?;
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
-    let plan = RenderPlan::new(scene, settings.integrator, settings.map);
+    let plan = RenderPlan::new(scene, settings.integrator, settings.map).guided(
+        scene,
+        settings.integrator,
+        settings.guide,
+    );
     let mut out = std::io::stdout().lock();
     if args.json {
         let value = serde_json::json!({ "scene": scene.name(), "settings": settings, "plan": plan });

@@ -1,7 +1,7 @@
 //! Options that choose how a picture is computed; they go over those of the scene file.
 
 use cardioid::photons::{Estimator, Kernel, SearchRegion};
-use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality};
+use cardioid::render::{GuideKind, IntegratorKind, MapKind, Overrides, Quality};
 use clap::{Args, ValueEnum};
 
 /// Settings of the renderer.
@@ -67,6 +67,10 @@ pub(crate) struct SettingsArgs {
     /// Final gather rays per camera sample.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     gather_samples: Option<u32>,
+
+    /// What helps to draw the directions of gather rays and paths.
+    #[arg(long, value_enum)]
+    guide: Option<GuideArg>,
 
     /// Whether gather rays read irradiance precomputed at the photons.
     #[arg(long, value_name = "BOOL")]
@@ -136,6 +140,10 @@ impl SettingsArgs {
                 SearchArg::Disc => SearchRegion::Disc,
             }),
             gather_samples: self.gather_samples,
+            guide: self.guide.map(|guide| match guide {
+                GuideArg::None => GuideKind::None,
+                GuideArg::Photons => GuideKind::Photons,
+            }),
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
@@ -176,6 +184,14 @@ enum IntegratorArg {
     Photons,
     /// Unbiased path tracing, the reference.
     Path,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum GuideArg {
+    /// Nothing: directions are drawn from BSDFs alone.
+    None,
+    /// Photons: more rays go where much light came from.
+    Photons,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

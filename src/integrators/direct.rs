@@ -1,11 +1,11 @@
 //! Direct illumination: the first integral of eq. (2).
 
-use super::Counters;
+use super::{Counters, Directions};
 use crate::lights::{Light, LightId};
 use crate::math::Rgb;
 use crate::media::MediumId;
 use crate::sampling::{ONE_MINUS_EPSILON, SampleStream, Splits};
-use crate::scene::{Scene, Shading, SurfaceInteraction};
+use crate::scene::{Scene, SurfaceInteraction};
 use glam::Vec2;
 
 /// Up to so many lights, each gets its own shadow rays; beyond, one is drawn in proportion to its flux.
@@ -27,11 +27,12 @@ impl<'a> DirectLighting<'a> {
         Self { scene, samples: samples.max(1), bsdf_sampling }
     }
 
-    /// Reflected radiance towards `hit.wo` of the light that arrives straight from emitters.
+    /// Reflected radiance towards `hit.wo` of the light that arrives straight from emitters. `directions` are how rays
+    /// are drawn that may hit a light by chance.
     pub fn radiance(
         &self,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        directions: &Directions<'_>,
         medium: MediumId,
         samples: &mut SampleStream,
         counters: &mut Counters,
@@ -42,7 +43,7 @@ impl<'a> DirectLighting<'a> {
             for light in self.scene.lights() {
                 let splits = samples.splits(self.samples);
                 for i in 0..self.samples {
-                    sum += self.sample_light(hit, shading, medium, light, (1.0, splits.get(i)), counters);
+                    sum += self.sample_light(hit, directions, medium, light, (1.0, splits.get(i)), counters);
                 }
             }
         } else {
@@ -51,7 +52,8 @@ impl<'a> DirectLighting<'a> {
             for i in 0..self.samples {
                 let (index, probability, _) = power.sample(choices.get(i).x.min(ONE_MINUS_EPSILON));
                 let light = &self.scene.lights()[index];
-                sum += self.sample_light(hit, shading, medium, light, (probability, splits.get(i)), counters);
+                sum +=
+                    self.sample_light(hit, directions, medium, light, (probability, splits.get(i)), counters);
             }
         }
         sum / self.samples as f32
@@ -62,12 +64,13 @@ impl<'a> DirectLighting<'a> {
     pub fn sample_light(
         &self,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        directions: &Directions<'_>,
         medium: MediumId,
         light: &Light,
         (probability, u): (f32, Vec2),
         counters: &mut Counters,
     ) -> Rgb {
+        let shading = directions.shading;
         let Some(sample) = light.sample_li(hit.point.position, u) else {
             return Rgb::ZERO;
         };
@@ -94,10 +97,8 @@ impl<'a> DirectLighting<'a> {
             contribution *= medium.transmittance(sample.distance);
         }
         if self.bsdf_sampling && !light.is_delta() {
-            contribution *= power_heuristic(
-                sample.pdf_solid_angle * probability,
-                shading.bsdf.pdf_solid_angle(shading.wo_local, wi),
-            );
+            contribution *=
+                power_heuristic(sample.pdf_solid_angle * probability, directions.pdf_solid_angle(wi));
         }
         contribution
     }

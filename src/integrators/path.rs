@@ -1,16 +1,18 @@
 //! The reference: unbiased path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling
-//! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it.
+//! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it; photons may tell it where to look
+//! (Jensen 1995), which changes noise and nothing else.
 
 use super::direct::{DirectLighting, power_heuristic};
 use super::specular::chain_roulette;
-use super::{Integrator, Scratch, describe_first_hit};
-use crate::bsdf::{Lobe, TransportMode};
+use super::{Directions, Integrator, Scratch, describe_first_hit};
+use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
 use crate::lights::{Light, LightId};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
+use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
-use crate::scene::{Scene, Shading, SurfaceInteraction};
+use crate::scene::{Scene, SurfaceInteraction};
 use glam::Vec3;
 
 /// Surfaces after which roulette may end a path.
@@ -21,6 +23,7 @@ const ROULETTE_DEPTH: u32 = 4;
 pub struct PathTracer<'a> {
     scene: &'a Scene,
     direct: DirectLighting<'a>,
+    guide: Option<&'a DirectionGuide>,
     max_depth: u32,
     camera_medium: MediumId,
 }
@@ -75,7 +78,13 @@ struct Drawn {
 impl<'a> PathTracer<'a> {
     /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
     pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumId) -> Self {
-        Self { scene, direct: DirectLighting::new(scene, 1, true), max_depth, camera_medium }
+        let direct = DirectLighting::new(scene, 1, true);
+        Self { scene, direct, guide: None, max_depth, camera_medium }
+    }
+
+    /// The same paths, drawn with the help of photons.
+    pub fn guided_by(self, guide: Option<&'a DirectionGuide>) -> Self {
+        Self { guide, ..self }
     }
 
     /// Weight of light found by following the path, against having sampled it from `drawn`.
@@ -109,6 +118,8 @@ struct State {
     drawn: Option<Drawn>,
     /// Specular surfaces met since the last other one.
     chain: u32,
+    /// Part of the throughput that comes from drawing directions more or less often than the BSDF alone would.
+    guidance: f32,
 }
 
 impl PathTracer<'_> {
@@ -117,15 +128,14 @@ impl PathTracer<'_> {
         &self,
         state: &mut State,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        directions: &Directions<'_>,
         depth: u32,
         samples: &mut SampleStream,
     ) -> bool {
-        let u_lobe = if shading.bsdf.is_delta() { samples.next_1d() } else { 0.0 };
+        let shading = directions.shading;
+        let u_lobe = if shading.bsdf.is_delta() || directions.draws_lobe() { samples.next_1d() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { glam::Vec2::ZERO } else { samples.next_2d() };
-        let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Radiance) else {
-            return false;
-        };
+        let Some(sample) = directions.sample(u_lobe, u) else { return false };
         let direction = shading.frame.to_world(sample.wi);
         let Some(medium) =
             self.scene.medium_after(state.medium, hit, shading, direction, sample.transmission)
@@ -136,7 +146,13 @@ impl PathTracer<'_> {
         state.chain = if shading.bsdf.is_delta() { state.chain + 1 } else { 0 };
         let Some(weight) = chain_roulette(state.chain, || samples.next_1d()) else { return false };
         state.throughput *= weight;
-        let brightest = state.throughput.max_element();
+        // Roulette must not undo the guiding, which lowers the weight of the directions that matter: it goes by what the
+        // surfaces reflect.
+        if directions.is_guided() && sample.pdf_solid_angle.is_finite() {
+            let by_bsdf = shading.bsdf.pdf_solid_angle(shading.wo_local, sample.wi);
+            state.guidance *= by_bsdf / sample.pdf_solid_angle;
+        }
+        let brightest = state.throughput.max_element() / state.guidance;
         if !(brightest > 0.0) {
             return false;
         }
@@ -167,6 +183,7 @@ impl Integrator for PathTracer<'_> {
             class: Class::Camera,
             drawn: None,
             chain: 0,
+            guidance: 1.0,
         };
         for depth in 0..self.max_depth {
             counters.depth_sum += 1;
@@ -184,14 +201,15 @@ impl Integrator for PathTracer<'_> {
             }
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
             let shading = hit.shading(self.scene.material(&hit));
+            let directions = Directions::new(self.guide, &hit, &shading, counters);
             if shading.bsdf.is_delta() {
                 counters.interfaces += 1;
                 counters.medium_mismatches += u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
             } else if shading.bsdf.has_diffuse() {
-                let direct = self.direct.radiance(&hit, &shading, state.medium, samples, counters);
+                let direct = self.direct.radiance(&hit, &directions, state.medium, samples, counters);
                 out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct);
             }
-            if !self.scatter(&mut state, &hit, &shading, depth, samples) {
+            if !self.scatter(&mut state, &hit, &directions, depth, samples) {
                 return out;
             }
         }

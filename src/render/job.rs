@@ -88,7 +88,11 @@ pub fn render(
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
     }
-    let plan = RenderPlan::new(scene, settings.integrator, settings.map);
+    let plan = RenderPlan::new(scene, settings.integrator, settings.map).guided(
+        scene,
+        settings.integrator,
+        settings.guide,
+    );
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
     let Some(pass_one) = build_maps(scene, &plan, settings, observer) else {
@@ -105,7 +109,10 @@ pub fn render(
         IntegratorKind::Photons => {
             Box::new(ShowPhotons::new(scene, &pass_one.maps, settings.map, reading, medium))
         }
-        IntegratorKind::Path => Box::new(PathTracer::new(scene, settings.max_depth, medium)),
+        IntegratorKind::Path => {
+            let guide = pass_one.maps.guide.as_ref();
+            Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
+        }
     };
     let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
     let (counters, finished) = pixels.run(&mut film)?;
@@ -130,6 +137,7 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         threads: rayon::current_num_threads(),
         samples: 0,
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
+        guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
         counters: Counters::default(),
         mean_depth: 0.0,

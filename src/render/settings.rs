@@ -1,7 +1,7 @@
 //! What a user may choose, and what the presets choose.
 
 use crate::photons::{Estimator, Kernel, SearchRegion};
-pub use crate::scene::{IntegratorKind, MapKind};
+pub use crate::scene::{GuideKind, IntegratorKind, MapKind};
 use serde::Serialize;
 
 /// Presets.
@@ -48,6 +48,8 @@ pub struct Overrides {
     pub search: Option<SearchRegion>,
     /// Final gather rays per camera sample.
     pub gather_samples: Option<u32>,
+    /// What helps to draw the directions of gather rays and paths.
+    pub guide: Option<GuideKind>,
     /// Whether gather rays read irradiance precomputed at the photons (Christensen 1999).
     pub precomputed_irradiance: Option<bool>,
     /// Shadow rays per light and camera sample.
@@ -75,6 +77,7 @@ impl Overrides {
             estimator: self.estimator.or(below.estimator),
             search: self.search.or(below.search),
             gather_samples: self.gather_samples.or(below.gather_samples),
+            guide: self.guide.or(below.guide),
             precomputed_irradiance: self.precomputed_irradiance.or(below.precomputed_irradiance),
             light_samples: self.light_samples.or(below.light_samples),
             visible_kernel: self.visible_kernel.or(below.visible_kernel),
@@ -113,6 +116,8 @@ pub struct Settings {
     pub search: SearchRegion,
     /// Final gather rays per camera sample.
     pub gather_samples: u32,
+    /// What helps to draw the directions of gather rays and paths.
+    pub guide: GuideKind,
     /// Whether gather rays read irradiance precomputed at the photons.
     pub precomputed_irradiance: bool,
     /// Shadow rays per light and camera sample.
@@ -146,6 +151,7 @@ impl Quality {
             estimator: Estimator::Corrected,
             search: SearchRegion::Disc,
             gather_samples,
+            guide: GuideKind::None,
             precomputed_irradiance: true,
             light_samples: 1,
             visible_kernel: true,
@@ -172,6 +178,7 @@ impl From<&Overrides> for Settings {
             estimator: asked.estimator.unwrap_or(preset.estimator),
             search: asked.search.unwrap_or(preset.search),
             gather_samples: asked.gather_samples.unwrap_or(preset.gather_samples),
+            guide: asked.guide.unwrap_or(preset.guide),
             precomputed_irradiance: asked.precomputed_irradiance.unwrap_or(preset.precomputed_irradiance),
             light_samples: asked.light_samples.unwrap_or(preset.light_samples),
             // The printed formulas know nothing of it.

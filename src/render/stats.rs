@@ -80,6 +80,8 @@ pub struct Statistics {
     pub maps: Vec<MapStatistics>,
     /// Bytes of precomputed irradiance.
     pub irradiance_bytes: u64,
+    /// Bytes of the distributions that guide directions.
+    pub guide_bytes: u64,
     /// Rays and look-ups of pass 2.
     pub counters: Counters,
     /// Segments per camera ray: the mean ray depth.

@@ -7,7 +7,7 @@ mod surface;
 mod world;
 
 pub use material::Material;
-pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan};
+pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan};
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
 pub use world::{Geometry, Mesh, Node, Scene, SceneParts, Surface};

@@ -26,6 +26,16 @@ pub enum MapKind {
     Caustic,
 }
 
+/// What helps a BSDF to draw directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GuideKind {
+    /// Nothing.
+    None,
+    /// Photons: directions that much light came from are drawn more often (Jensen 1995).
+    Photons,
+}
+
 /// Whether something is built, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Decision {
@@ -60,6 +70,8 @@ pub struct RenderPlan {
     pub caustic_map: Decision,
     /// Final gathering of soft indirect light.
     pub final_gather: Decision,
+    /// Distributions of directions, made of photons, to draw gather rays and paths from.
+    pub guide: Decision,
     /// Shadow rays to sampled points of lights.
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
@@ -85,6 +97,7 @@ impl RenderPlan {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::no("path tracing needs no maps"),
             },
+            guide: Decision::no("directions are drawn from BSDFs alone"),
             light_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 _ if !facts.lit => Decision::no("there is no light"),
@@ -105,12 +118,31 @@ impl RenderPlan {
         }
     }
 
+    /// The same plan where photons are asked to guide: paths then need the global map.
+    #[must_use]
+    pub fn guided(mut self, scene: &Scene, integrator: IntegratorKind, guide: GuideKind) -> Self {
+        if guide == GuideKind::None {
+            return self;
+        }
+        let facts = Facts::of(scene);
+        self.guide = match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            _ if !facts.lit || facts.diffuse == 0 => Decision::no("no light reaches a diffuse surface"),
+            _ => Decision::yes("photons tell where indirect light comes from"),
+        };
+        if self.guide.build && !self.global_map.build {
+            self.global_map = Decision::yes("its photons guide the paths; no path reads it");
+        }
+        self
+    }
+
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 6] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 7] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
             ("final gathering", &self.final_gather),
+            ("guided directions", &self.guide),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
             ("absorption", &self.absorption),

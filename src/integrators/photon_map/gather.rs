@@ -3,9 +3,9 @@
 use super::lookup::reflected;
 use super::{PhotonMapIntegrator, Vertex};
 use crate::bsdf::{Bsdf, TransportMode};
-use crate::integrators::Scratch;
 use crate::integrators::direct::power_heuristic;
 use crate::integrators::specular::chain_roulette;
+use crate::integrators::{Directions, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
@@ -25,6 +25,7 @@ impl PhotonMapIntegrator<'_> {
     pub(super) fn indirect(
         &self,
         vertex: &Vertex<'_>,
+        directions: &Directions<'_>,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> (Rgb, Rgb) {
@@ -36,14 +37,7 @@ impl PhotonMapIntegrator<'_> {
         let splits = samples.splits(self.settings.gather_samples);
         for i in 0..count {
             let [x, y, u_lobe, u_path] = splits.get_4d(i);
-            let Some(sample) = vertex.shading.bsdf.sample(
-                vertex.shading.wo_local,
-                u_lobe,
-                glam::Vec2::new(x, y),
-                TransportMode::Radiance,
-            ) else {
-                continue;
-            };
+            let Some(sample) = directions.sample(u_lobe, glam::Vec2::new(x, y)) else { continue };
             let direction = vertex.shading.frame.to_world(sample.wi);
             let Some(medium) = self.scene.medium_after(
                 vertex.medium,

@@ -10,11 +10,11 @@ pub use lookup::visible_domain;
 pub use show::ShowPhotons;
 
 use super::direct::DirectLighting;
-use super::{Integrator, Scratch};
+use super::{Directions, Integrator, Scratch};
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion};
+use crate::photons::{DirectionGuide, EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion};
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
@@ -73,6 +73,8 @@ pub struct PhotonMaps {
     pub global: Option<PhotonMap>,
     /// Irradiance precomputed at photons of the global map; `None` for full estimates at every gather ray.
     pub irradiance: Option<IrradianceMap>,
+    /// Where indirect light comes from; `None` where directions are drawn from BSDFs alone.
+    pub guide: Option<DirectionGuide>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
 }
@@ -135,9 +137,10 @@ impl<'a> PhotonMapIntegrator<'a> {
         if !shading.bsdf.has_diffuse() {
             return [(Aov::Direct, Rgb::ZERO), (Aov::Caustics, Rgb::ZERO), (Aov::Indirect, Rgb::ZERO)];
         }
-        let by_light = self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters);
+        let directions = Directions::new(self.maps.guide.as_ref(), hit, shading, &mut scratch.counters);
+        let by_light = self.direct.radiance(hit, &directions, medium, samples, &mut scratch.counters);
         let caustics = self.caustics(vertex, scratch);
-        let (indirect, by_bsdf) = self.indirect(vertex, samples, scratch);
+        let (indirect, by_bsdf) = self.indirect(vertex, &directions, samples, scratch);
         [(Aov::Direct, by_light + by_bsdf), (Aov::Caustics, caustics), (Aov::Indirect, indirect)]
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::math::unit_f64;
 use crate::photons::{Estimator, Kernel, SearchRegion};
-use crate::render::{IntegratorKind, MapKind, Overrides, Quality};
+use crate::render::{GuideKind, IntegratorKind, MapKind, Overrides, Quality};
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
 use glam::DVec3;
@@ -132,6 +132,7 @@ const INTEGRATORS: &[(&str, IntegratorKind)] = &[
     ("path", IntegratorKind::Path),
 ];
 const MAPS: &[(&str, MapKind)] = &[("global", MapKind::Global), ("caustic", MapKind::Caustic)];
+const GUIDES: &[(&str, GuideKind)] = &[("none", GuideKind::None), ("photons", GuideKind::Photons)];
 const ESTIMATORS: &[(&str, Estimator)] =
     &[("as-printed", Estimator::AsPrinted), ("corrected", Estimator::Corrected)];
 const SEARCH_REGIONS: &[(&str, SearchRegion)] =
@@ -167,6 +168,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
     let gather_samples = table.optional("gather-samples", count(1, MANY));
+    let guide = table.optional("guide", |value| value.choice(GUIDES));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
@@ -186,6 +188,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         estimator: estimator?,
         search: search?,
         gather_samples: gather_samples?,
+        guide: guide?,
         visible_kernel: visible_kernel?,
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
@@ -228,6 +231,7 @@ mod tests {
         check(QUALITIES);
         check(INTEGRATORS);
         check(MAPS);
+        check(GUIDES);
         check(ESTIMATORS);
         check(SEARCH_REGIONS);
     }
