@@ -9,6 +9,7 @@ mod determinism;
 mod direct;
 mod enclosures;
 mod extremes;
+mod guide;
 mod photon_pass;
 mod pictures;
 mod refraction;
