@@ -81,6 +81,7 @@ fn main() {
         "| scene | integrator | cells | s to build | variance | of indirect | s | variance ratio | of indirect \
          | time ratio | gain | of indirect |"
     );
+    rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global().unwrap();
     let device = Arc::new(Device::new(0).unwrap());
     for name in scenes {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name).with_extension("toml");
@@ -101,9 +102,8 @@ fn table(name: &str, built: &BuiltScene, kind: IntegratorKind, spp: u32) {
     let mut pass = build_maps(scene, &plan, &with_maps, &Silent).unwrap();
     let clock = Instant::now();
     let start = thread_seconds(clock);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
     let params = settings.guide_params(scene.bounds().1);
-    let guide = pool.install(|| DirectionGuide::build(pass.maps.global.as_ref().unwrap(), &params));
+    let guide = DirectionGuide::build(pass.maps.global.as_ref().unwrap(), &params);
     let building = thread_seconds(clock) - start;
     let medium = scene.medium_at(built.camera.eye());
     let reading = settings.photon_map_settings(scene.bounds().1);

@@ -377,10 +377,10 @@ impl Quadtree {
         let (mut column, mut row) = (0, 0);
         let mut density = 1.0;
         for level in 0..LEVELS {
-            let [split_x, below_left, below_right] = self.splits[first_node(level) + (row << level | column)];
-            let right = descend(split_x, &mut x, &mut density);
-            let upper = descend(if right { below_right } else { below_left }, &mut y, &mut density);
-            (column, row) = (2 * column + usize::from(right), 2 * row + usize::from(upper));
+            let splits = &self.splits[first_node(level) + (row << level | column)];
+            let right = descend(splits[0], &mut x, &mut density);
+            let upper = descend(splits[1 + right], &mut y, &mut density);
+            (column, row) = (2 * column + right, 2 * row + upper);
         }
         let p = Vec2::new(column as f32 + x, row as f32 + y) / SIDE as f32;
         (p.min(Vec2::splat(ONE_MINUS_EPSILON)), density)
@@ -408,14 +408,27 @@ impl Quadtree {
     }
 }
 
-/// Goes to the upper half where `u` is not below the split; what is left of `u` is uniform again.
+/// `256 / n`.
+const RECIPROCALS: [f32; 256] = {
+    let mut all = [0.0; 256];
+    let mut n = 1;
+    while n < 256 {
+        all[n] = 256.0 / n as f32;
+        n += 1;
+    }
+    all
+};
+
+/// Goes to the upper half (1) where `u` is not below the split, else to the lower (0); what is left of `u` is uniform again.
+/// No branches: none could be foretold.
 #[inline]
-fn descend(split: u8, u: &mut f32, density: &mut f32) -> bool {
-    let low = f32::from(split) / 256.0;
-    let upper = *u >= low;
-    let (start, length) = if upper { (low, 1.0 - low) } else { (0.0, low) };
-    *u = ((*u - start) / length).min(ONE_MINUS_EPSILON);
-    *density *= 2.0 * length;
+fn descend(split: u8, u: &mut f32, density: &mut f32) -> usize {
+    let split = usize::from(split);
+    let low = split as f32 * (1.0 / 256.0);
+    let upper = usize::from(*u >= low);
+    let share = [split, 256 - split][upper];
+    *u = ((*u - low * upper as f32) * RECIPROCALS[share & 255]).min(ONE_MINUS_EPSILON);
+    *density *= share as f32 * (1.0 / 128.0);
     upper
 }
 
