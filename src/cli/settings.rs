@@ -1,7 +1,7 @@
 //! Options that choose how a picture is computed; they go over those of the scene file.
 
 use cardioid::photons::{Estimator, Kernel, SearchRegion};
-use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
+use cardioid::render::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use clap::{Args, ValueEnum};
 
 /// Settings of the renderer.
@@ -73,6 +73,10 @@ pub(crate) struct SettingsArgs {
     /// Distribution rays at the first highly glossy surface of a camera sample; deeper ones get fewer.
     #[arg(long, value_name = "N", value_parser = count_from_one)]
     glossy_samples: Option<u32>,
+
+    /// What helps to draw the directions of gather rays and paths: pays where indirect light comes from few directions.
+    #[arg(long, value_enum)]
+    guide: Option<GuideArg>,
 
     /// Whether gather rays read irradiance precomputed at the photons: much faster than an estimate for each of them.
     #[arg(long, value_name = "BOOL")]
@@ -224,6 +228,10 @@ impl SettingsArgs {
             }),
             gather_samples: self.gather_samples,
             glossy_samples: self.glossy_samples,
+            guide: self.guide.map(|guide| match guide {
+                GuideArg::None => GuideKind::None,
+                GuideArg::Photons => GuideKind::Photons,
+            }),
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
@@ -279,6 +287,14 @@ enum IntegratorArg {
     Photons,
     /// Unbiased path tracing, the reference.
     Path,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum GuideArg {
+    /// Nothing: directions are drawn from BSDFs alone.
+    None,
+    /// Photons: more rays go where much light came from.
+    Photons,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -1,13 +1,13 @@
 //! Direct illumination: the first integral of eq. (2).
 
-use super::Scratch;
+use super::{Directions, Scratch};
 use crate::bsdf::{Lobe, TransportMode};
 use crate::lights::LightId;
 use crate::math::Rgb;
 use crate::media::MediumId;
 use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
-use crate::scene::{Scene, Shading, SurfaceInteraction};
+use crate::scene::{Scene, SurfaceInteraction};
 use glam::{Vec2, Vec3};
 use std::ops::AddAssign;
 
@@ -46,7 +46,7 @@ pub struct DirectLighting<'a> {
 /// A place that light arrives at, and what its photons said of the light asked for last.
 struct Receiver<'a> {
     hit: &'a SurfaceInteraction,
-    shading: &'a Shading,
+    directions: &'a Directions<'a>,
     medium: MediumId,
     /// Index of a light, and what its photons say; all rays to one light from one place share it.
     decided: Option<(usize, Option<ShadowDecision>)>,
@@ -64,16 +64,17 @@ impl<'a> DirectLighting<'a> {
         Self { shadows, ..self }
     }
 
-    /// Radiance towards `hit.wo` of the light that arrives straight from emitters.
+    /// Radiance towards `hit.wo` of the light that arrives straight from emitters. `directions` are how rays are drawn that
+    /// may hit a light by chance.
     pub fn radiance(
         &self,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        directions: &Directions<'_>,
         medium: MediumId,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Reflected {
-        let mut receiver = Receiver { hit, shading, medium, decided: None };
+        let mut receiver = Receiver { hit, directions, medium, decided: None };
         let mut sum = Reflected::default();
         let Some(power) = self.scene.light_power() else { return sum };
         let mut add = |found: Reflected| {
@@ -110,7 +111,8 @@ impl<'a> DirectLighting<'a> {
     ) -> Reflected {
         let nothing = Reflected::default();
         let light = &self.scene.lights()[index];
-        let Receiver { hit, shading, medium, .. } = *receiver;
+        let Receiver { hit, directions, medium, .. } = *receiver;
+        let shading = directions.shading;
         let Some(sample) = light.sample_li(hit.point.position, u) else {
             return nothing;
         };
@@ -156,15 +158,13 @@ impl<'a> DirectLighting<'a> {
             found.glossy *= transmittance;
         }
         if !light.is_delta() {
-            let weight = |lobe| {
-                let other = shading.bsdf.pdf_solid_angle(lobe, wo, wi);
-                power_heuristic(sample.pdf_solid_angle * probability, other)
-            };
             if self.bsdf_sampling && found.diffuse != Rgb::ZERO {
-                found.diffuse *= weight(Lobe::Diffuse);
+                let other = receiver.directions.pdf_diffuse(wi);
+                found.diffuse *= power_heuristic(sample.pdf_solid_angle * probability, other);
             }
             if found.glossy != Rgb::ZERO {
-                found.glossy *= weight(Lobe::Glossy);
+                let other = shading.bsdf.pdf_solid_angle(Lobe::Glossy, wo, wi);
+                found.glossy *= power_heuristic(sample.pdf_solid_angle * probability, other);
             }
         }
         found

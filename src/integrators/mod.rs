@@ -4,11 +4,13 @@
 //! eq. (2); `docs/light-paths.md` has the table that assigns each kind of path to exactly one.
 
 mod direct;
+mod directions;
 mod path;
 mod photon_map;
 mod specular;
 
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
+pub use directions::Directions;
 pub use path::PathTracer;
 pub use photon_map::{
     CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons,
@@ -65,6 +67,10 @@ pub struct Counters {
     pub caustic_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
+    /// Surfaces at which photons took part in drawing directions.
+    pub guided: u64,
+    /// Surfaces at which they were asked to and none were near.
+    pub unguided: u64,
     /// Feeler rays of visible kernels.
     pub feelers: u64,
     /// Paths cut at the depth limit.
@@ -109,6 +115,8 @@ impl AddAssign for Counters {
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
         self.empty_lookups += other.empty_lookups;
+        self.guided += other.guided;
+        self.unguided += other.unguided;
         self.feelers += other.feelers;
         self.truncated += other.truncated;
         self.interfaces += other.interfaces;

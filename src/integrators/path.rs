@@ -1,16 +1,18 @@
 //! The reference: unbiased path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling
-//! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it.
+//! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it; photons may tell it where to look
+//! (Jensen 1995), which changes noise and nothing else.
 
 use super::direct::{DirectLighting, Drawn};
 use super::specular::chain_roulette;
-use super::{Integrator, Scratch, describe_first_hit};
-use crate::bsdf::{Lobe, TransportMode};
+use super::{Directions, Integrator, Scratch, describe_first_hit};
+use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
+use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
-use crate::scene::{Scene, Shading, SurfaceInteraction};
+use crate::scene::{Scene, SurfaceInteraction};
 
 /// Surfaces after which roulette may end a path.
 const ROULETTE_DEPTH: u32 = 4;
@@ -20,6 +22,7 @@ const ROULETTE_DEPTH: u32 = 4;
 pub struct PathTracer<'a> {
     scene: &'a Scene,
     direct: DirectLighting<'a>,
+    guide: Option<&'a DirectionGuide>,
     max_depth: u32,
     camera_medium: MediumId,
 }
@@ -68,7 +71,13 @@ impl Class {
 impl<'a> PathTracer<'a> {
     /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
     pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumId) -> Self {
-        Self { scene, direct: DirectLighting::new(scene, 1, true), max_depth, camera_medium }
+        let direct = DirectLighting::new(scene, 1, true);
+        Self { scene, direct, guide: None, max_depth, camera_medium }
+    }
+
+    /// The same paths, drawn with the help of photons.
+    pub fn guided_by(self, guide: Option<&'a DirectionGuide>) -> Self {
+        Self { guide, ..self }
     }
 
     fn emitted(&self, hit: &SurfaceInteraction, drawn: Option<Drawn>) -> Rgb {
@@ -96,6 +105,8 @@ struct State {
     drawn: Option<Drawn>,
     /// Specular or highly glossy surfaces met since the last other one.
     chain: u32,
+    /// Part of the throughput that comes from drawing directions more or less often than the BSDF alone would.
+    guidance: f32,
 }
 
 impl PathTracer<'_> {
@@ -104,15 +115,15 @@ impl PathTracer<'_> {
         &self,
         state: &mut State,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        directions: &Directions<'_>,
         depth: u32,
         samples: &mut SampleStream,
     ) -> bool {
-        let u_lobe = if shading.bsdf.chooses() { samples.next_1d() } else { 0.0 };
+        let shading = directions.shading;
+        let u_lobe =
+            if shading.bsdf.chooses() || directions.draws_lobe() { samples.next_1d() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { glam::Vec2::ZERO } else { samples.next_2d() };
-        let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Radiance) else {
-            return false;
-        };
+        let Some(sample) = directions.sample(u_lobe, u) else { return false };
         let direction = shading.frame.to_world(sample.wi);
         let Some(medium) =
             self.scene.medium_after(state.medium, hit, shading, direction, sample.transmission)
@@ -123,7 +134,13 @@ impl PathTracer<'_> {
         state.chain = if sample.lobe == Lobe::Diffuse { 0 } else { state.chain + 1 };
         let Some(weight) = chain_roulette(state.chain, || samples.next_1d()) else { return false };
         state.throughput *= weight;
-        let brightest = state.throughput.max_element();
+        // Roulette must not undo the guiding, which lowers the weight of the directions that matter: it goes by what the
+        // surfaces reflect.
+        if directions.is_guided() && sample.lobe == Lobe::Diffuse {
+            let by_bsdf = shading.bsdf.pdf_solid_angle(Lobe::Diffuse, shading.wo_local, sample.wi);
+            state.guidance *= by_bsdf / sample.pdf_solid_angle;
+        }
+        let brightest = state.throughput.max_element() / state.guidance;
         if !(brightest > 0.0) {
             return false;
         }
@@ -153,6 +170,7 @@ impl Integrator for PathTracer<'_> {
             class: Class::Camera,
             drawn: None,
             chain: 0,
+            guidance: 1.0,
         };
         for depth in 0..self.max_depth {
             scratch.counters.depth_sum += 1;
@@ -170,17 +188,18 @@ impl Integrator for PathTracer<'_> {
             }
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
             let shading = hit.shading(self.scene.material(&hit));
+            let directions = Directions::new(self.guide, &hit, &shading, &mut scratch.counters);
             if shading.bsdf.has_specular() || shading.bsdf.has_glossy() {
                 scratch.counters.interfaces += 1;
                 scratch.counters.medium_mismatches +=
                     u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
             }
             if shading.bsdf.has_diffuse() || shading.bsdf.has_glossy() {
-                let direct = self.direct.radiance(&hit, &shading, state.medium, samples, scratch);
+                let direct = self.direct.radiance(&hit, &directions, state.medium, samples, scratch);
                 out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct.diffuse);
                 out.add(state.class.after(Lobe::Glossy).part(), state.throughput * direct.glossy);
             }
-            if !self.scatter(&mut state, &hit, &shading, depth, samples) {
+            if !self.scatter(&mut state, &hit, &directions, depth, samples) {
                 return out;
             }
         }

@@ -3,6 +3,7 @@
 mod domain;
 mod emission;
 mod estimate;
+mod guide;
 mod irradiance;
 mod kd_tree;
 mod kernel;
@@ -15,6 +16,7 @@ mod trace;
 pub use domain::{FEELERS, KernelDomain};
 pub use emission::{Aim, EmittedPhoton, emit};
 pub use estimate::{Estimate, EstimateParams};
+pub use guide::{DirectionGuide, GuideLobe, GuideParams};
 pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};

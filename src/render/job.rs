@@ -123,7 +123,10 @@ pub fn render(
         IntegratorKind::Photons => {
             Box::new(ShowPhotons::new(scene, &pass_one.maps, settings.map, reading, medium))
         }
-        IntegratorKind::Path => Box::new(PathTracer::new(scene, settings.max_depth, medium)),
+        IntegratorKind::Path => {
+            let guide = pass_one.maps.guide.as_ref();
+            Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
+        }
     };
     let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
     let (counters, shadows, finished) = pixels.run(&mut film)?;
@@ -186,6 +189,7 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         threads: rayon::current_num_threads(),
         samples: 0,
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
+        guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
         cache: None,
         shadows: pass_one.shadows,

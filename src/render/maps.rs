@@ -5,7 +5,8 @@ use super::settings::{IntegratorKind, Settings, ShadowMode};
 use super::stats::{MapStatistics, PhotonStatistics, ShadowStatistics};
 use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
 use crate::photons::{
-    EstimateParams, Kernel, PhotonMap, PhotonTally, TraceSettings, build_shadow_maps, trace_photons,
+    DirectionGuide, EstimateParams, GuideParams, Kernel, PhotonClass, PhotonClasses, PhotonMap, PhotonTally,
+    TraceSettings, build_shadow_maps, trace_photons,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -71,6 +72,29 @@ impl Settings {
     }
 }
 
+impl Settings {
+    /// How photons guide, for a scene whose bounding sphere has this radius.
+    pub fn guide_params(&self, scene_radius: f32) -> GuideParams {
+        let reading = self.photon_map_settings(scene_radius);
+        GuideParams {
+            classes: match self.integrator {
+                // Caustics come from their own map.
+                IntegratorKind::PhotonMap | IntegratorKind::Photons => {
+                    PhotonClasses::only(PhotonClass::Indirect)
+                }
+                IntegratorKind::Path => {
+                    PhotonClasses::only(PhotonClass::Indirect).and(PhotonClasses::only(PhotonClass::Caustic))
+                }
+            },
+            nearest: GuideParams::NEAREST,
+            per_cell: GuideParams::PER_CELL,
+            floor: GuideParams::FLOOR,
+            region: reading.region,
+            max_radius: reading.max_radius,
+        }
+    }
+}
+
 /// Builds the maps that `plan` asks for. `None` where the observer asked to stop.
 pub fn build_maps(
     scene: &Scene,
@@ -94,7 +118,15 @@ pub fn build_maps(
             ));
             observer.advance(1);
         }
-        pass.maps.global = Some(map);
+        if plan.guide.build {
+            observer.begin("building the guide", 1);
+            pass.maps.guide = DirectionGuide::build(&map, &settings.guide_params(scene.bounds().1));
+            observer.advance(1);
+        }
+        // Paths read no map.
+        if settings.integrator != IntegratorKind::Path {
+            pass.maps.global = Some(map);
+        }
     }
     if plan.caustic_map.build {
         pass.maps.caustic = Some(build_map(

@@ -1,7 +1,7 @@
 //! What a user may choose, and what the presets choose.
 
 use crate::photons::{Estimator, Kernel, SearchRegion};
-pub use crate::scene::{IntegratorKind, MapKind, ShadowMode};
+pub use crate::scene::{GuideKind, IntegratorKind, MapKind, ShadowMode};
 use crate::scene::{RenderPlan, Scene};
 use serde::Serialize;
 
@@ -61,6 +61,8 @@ pub struct Overrides {
     pub gather_samples: Option<u32>,
     /// Distribution rays at the first highly glossy surface of a camera sample.
     pub glossy_samples: Option<u32>,
+    /// What helps to draw the directions of gather rays and paths.
+    pub guide: Option<GuideKind>,
     /// Whether gather rays read irradiance precomputed at the photons (Christensen 1999).
     pub precomputed_irradiance: Option<bool>,
     /// Shadow rays per light and camera sample.
@@ -105,6 +107,7 @@ impl Overrides {
             search: self.search.or(below.search),
             gather_samples: self.gather_samples.or(below.gather_samples),
             glossy_samples: self.glossy_samples.or(below.glossy_samples),
+            guide: self.guide.or(below.guide),
             precomputed_irradiance: self.precomputed_irradiance.or(below.precomputed_irradiance),
             light_samples: self.light_samples.or(below.light_samples),
             visible_kernel: self.visible_kernel.or(below.visible_kernel),
@@ -153,6 +156,8 @@ pub struct Settings {
     pub gather_samples: u32,
     /// Distribution rays at the first highly glossy surface of a camera sample.
     pub glossy_samples: u32,
+    /// What helps to draw the directions of gather rays and paths.
+    pub guide: GuideKind,
     /// Whether gather rays read irradiance precomputed at the photons.
     pub precomputed_irradiance: bool,
     /// Shadow rays per light and camera sample.
@@ -185,6 +190,7 @@ impl Settings {
         let shows_classes = self.integrator == IntegratorKind::Photons && self.show == Show::Classes;
         RenderPlan::new(scene, self.integrator, self.map)
             .with_cache(self.irradiance_cache)
+            .guided(scene, self.integrator, self.guide)
             .with_shadow_photons(scene, self.shadow_photons, shows_classes)
     }
 }
@@ -218,6 +224,7 @@ impl Quality {
             search: SearchRegion::Disc,
             gather_samples,
             glossy_samples: 6,
+            guide: GuideKind::None,
             precomputed_irradiance: true,
             light_samples: 1,
             visible_kernel: true,
@@ -254,6 +261,7 @@ impl From<&Overrides> for Settings {
             search: asked.search.unwrap_or(preset.search),
             gather_samples: asked.gather_samples.unwrap_or(preset.gather_samples),
             glossy_samples: asked.glossy_samples.unwrap_or(preset.glossy_samples),
+            guide: asked.guide.unwrap_or(preset.guide),
             precomputed_irradiance: asked.precomputed_irradiance.unwrap_or(preset.precomputed_irradiance),
             light_samples: asked.light_samples.unwrap_or(preset.light_samples),
             // The printed formulas know nothing of it.

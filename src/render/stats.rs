@@ -127,6 +127,8 @@ pub struct Statistics {
     pub irradiance_bytes: u64,
     /// The irradiance cache, where there is one.
     pub cache: Option<CacheStatistics>,
+    /// Bytes of the distributions that guide directions.
+    pub guide_bytes: u64,
     /// Rays and look-ups of pass 2.
     pub counters: Counters,
     /// Segments per camera ray: the mean ray depth.

@@ -10,7 +10,7 @@ mod world;
 
 pub use crossings::Crossings;
 pub use material::{Material, Tangent};
-pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan, ShadowMode};
+pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowMode};
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
 pub use texture::{Bump, MaterialTexture};

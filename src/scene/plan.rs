@@ -57,6 +57,16 @@ impl ShadowMode {
     }
 }
 
+/// What helps a BSDF to draw directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GuideKind {
+    /// Nothing.
+    None,
+    /// Photons: directions that much light came from are drawn more often (Jensen 1995).
+    Photons,
+}
+
 /// Whether something is built, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Decision {
@@ -95,6 +105,8 @@ pub struct RenderPlan {
     pub glossy_sampling: Decision,
     /// Indirect light of Lambertian surfaces, gathered at few places and interpolated.
     pub irradiance_cache: Decision,
+    /// Distributions of directions, made of photons, to draw gather rays and paths from.
+    pub guide: Decision,
     /// Shadow rays to sampled points of lights.
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
@@ -124,6 +136,7 @@ impl RenderPlan {
             },
             glossy_sampling: facts.glossy_sampling(integrator),
             irradiance_cache: facts.irradiance_cache(integrator),
+            guide: Decision::no("directions are drawn from BSDFs alone"),
             light_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 _ if !facts.lit => Decision::no("there is no light"),
@@ -162,6 +175,24 @@ impl RenderPlan {
         self
     }
 
+    /// The same plan where photons are asked to guide: paths then need the global map.
+    #[must_use]
+    pub fn guided(mut self, scene: &Scene, integrator: IntegratorKind, guide: GuideKind) -> Self {
+        if guide == GuideKind::None {
+            return self;
+        }
+        let facts = Facts::of(scene);
+        self.guide = match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            _ if !facts.lit || facts.diffuse == 0 => Decision::no("no light reaches a diffuse surface"),
+            _ => Decision::yes("photons tell where indirect light comes from"),
+        };
+        if self.guide.build && !self.global_map.build {
+            self.global_map = Decision::yes("its photons guide the paths; no path reads it");
+        }
+        self
+    }
+
     /// The same plan with shadow photons as asked for; `show` where photons are shown by class.
     #[must_use]
     pub fn with_shadow_photons(mut self, scene: &Scene, mode: ShadowMode, show: bool) -> Self {
@@ -192,13 +223,14 @@ impl RenderPlan {
     }
 
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 9] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 10] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
             ("final gathering", &self.final_gather),
             ("glossy sampling", &self.glossy_sampling),
             ("irradiance cache", &self.irradiance_cache),
+            ("guided directions", &self.guide),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
             ("shadow photons", &self.shadow_photons),

@@ -12,6 +12,7 @@ mod direct;
 mod enclosures;
 mod extremes;
 mod glossy;
+mod guide;
 mod photon_pass;
 mod pictures;
 mod refraction;

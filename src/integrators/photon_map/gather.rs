@@ -2,10 +2,10 @@
 
 use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
-use crate::bsdf::{Lobe, TransportMode};
-use crate::integrators::Scratch;
+use crate::bsdf::TransportMode;
 use crate::integrators::direct::power_heuristic;
 use crate::integrators::specular::chain_roulette;
+use crate::integrators::{Directions, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
@@ -58,6 +58,7 @@ impl PhotonMapIntegrator<'_> {
     pub(super) fn indirect(
         &self,
         vertex: &Vertex<'_>,
+        directions: &Directions<'_>,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> (Rgb, Rgb) {
@@ -72,15 +73,17 @@ impl PhotonMapIntegrator<'_> {
             return (indirect, Rgb::ZERO);
         }
         let points = (0..count).map(|i| splits.get_4d(i));
-        let (indirect, direct) = self.gather_from(vertex, points, (cached.is_none(), 0), scratch);
+        let (indirect, direct) =
+            self.gather_from(vertex, directions, points, (cached.is_none(), 0), scratch);
         (cached.unwrap_or(indirect), direct)
     }
 
-    /// Mean over gather rays drawn from the BSDF by these random numbers: reflected light that arrives (where it is
-    /// wanted), and light of emitters.
+    /// Mean over gather rays drawn by these random numbers: reflected light that arrives (where it is wanted), and light of
+    /// emitters.
     fn gather_from(
         &self,
         vertex: &Vertex<'_>,
+        directions: &Directions<'_>,
         points: impl ExactSizeIterator<Item = [f32; 4]>,
         (wanted, recursion): (bool, u32),
         scratch: &mut Scratch,
@@ -88,15 +91,7 @@ impl PhotonMapIntegrator<'_> {
         let (mut indirect, mut direct) = (Rgb::ZERO, Rgb::ZERO);
         let count = points.len();
         for [x, y, u_lobe, u_path] in points {
-            let Some(sample) = vertex.shading.bsdf.sample_lobe(
-                Lobe::Diffuse,
-                vertex.shading.wo_local,
-                u_lobe,
-                glam::Vec2::new(x, y),
-                TransportMode::Radiance,
-            ) else {
-                continue;
-            };
+            let Some(sample) = directions.sample_diffuse(u_lobe, glam::Vec2::new(x, y)) else { continue };
             let direction = vertex.shading.frame.to_world(sample.wi);
             let Some(medium) = self.scene.medium_after(
                 vertex.medium,
@@ -253,10 +248,11 @@ impl PhotonMapIntegrator<'_> {
         let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
         let key = mix(mix(bits(p.x, p.y)) ^ bits(p.z, u));
         let mut samples = SampleStream::new(key, u64::from(recursion), 0);
-        let direct = self.direct.radiance(at.hit, at.shading, at.medium, &mut samples, scratch);
+        let directions = self.directions(at, scratch);
+        let direct = self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch);
         let caustics = self.caustics(at, scratch);
         let point = [samples.splits(1).get_4d(0)].into_iter();
-        let (indirect, by_bsdf) = self.gather_from(at, point, (true, recursion + 1), scratch);
+        let (indirect, by_bsdf) = self.gather_from(at, &directions, point, (true, recursion + 1), scratch);
         direct.diffuse + by_bsdf + caustics + indirect
     }
 

@@ -15,12 +15,14 @@ pub use show::ShowPhotons;
 pub use show_classes::ShowClasses;
 
 use super::direct::{DirectLighting, Reflected};
-use super::{Integrator, Scratch};
+use super::{Directions, Integrator, Scratch};
 use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps};
+use crate::photons::{
+    DirectionGuide, EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps,
+};
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
@@ -86,6 +88,8 @@ pub struct PhotonMaps {
     pub global: Option<PhotonMap>,
     /// Irradiance precomputed at photons of the global map; `None` for full estimates at every gather ray.
     pub irradiance: Option<IrradianceMap>,
+    /// Where indirect light comes from; `None` where directions are drawn from BSDFs alone.
+    pub guide: Option<DirectionGuide>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
@@ -134,6 +138,11 @@ impl<'a> PhotonMapIntegrator<'a> {
         Self { scene, maps, settings, direct, bsdf_sampling, camera_medium, cache: None }
     }
 
+    /// How gather rays are drawn at a vertex.
+    fn directions<'v>(&'v self, vertex: &Vertex<'v>, scratch: &mut Scratch) -> Directions<'v> {
+        Directions::new(self.maps.guide.as_ref(), vertex.hit, vertex.shading, &mut scratch.counters)
+    }
+
     /// Third integral: the caustic map, shown directly.
     fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
@@ -168,15 +177,16 @@ impl<'a> PhotonMapIntegrator<'a> {
             ];
         }
         scratch.counters.accurate_seen += u64::from(has_diffuse);
+        let directions = self.directions(vertex, scratch);
         let by_light = if has_diffuse || has_glossy {
-            self.direct.radiance(hit, shading, medium, samples, scratch)
+            self.direct.radiance(hit, &directions, medium, samples, scratch)
         } else {
             Reflected::default()
         };
         let (mut caustics, mut indirect, mut by_bsdf) = (Rgb::ZERO, Rgb::ZERO, Rgb::ZERO);
         if has_diffuse {
             caustics = self.caustics(vertex, scratch);
-            (indirect, by_bsdf) = self.indirect(vertex, samples, scratch);
+            (indirect, by_bsdf) = self.indirect(vertex, &directions, samples, scratch);
         }
         [
             (Aov::Direct, by_light.diffuse + by_bsdf),

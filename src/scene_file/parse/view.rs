@@ -2,7 +2,7 @@
 
 use crate::math::unit_f64;
 use crate::photons::{Estimator, Kernel, SearchRegion};
-use crate::render::{IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
+use crate::render::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
 use glam::DVec3;
@@ -136,6 +136,7 @@ const INTEGRATORS: &[(&str, IntegratorKind)] = &[
     ("path", IntegratorKind::Path),
 ];
 const MAPS: &[(&str, MapKind)] = &[("global", MapKind::Global), ("caustic", MapKind::Caustic)];
+const GUIDES: &[(&str, GuideKind)] = &[("none", GuideKind::None), ("photons", GuideKind::Photons)];
 const ESTIMATORS: &[(&str, Estimator)] =
     &[("as-printed", Estimator::AsPrinted), ("corrected", Estimator::Corrected)];
 const SEARCH_REGIONS: &[(&str, SearchRegion)] =
@@ -177,6 +178,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
     let gather_samples = table.optional("gather-samples", count(1, MANY));
     let glossy_samples = table.optional("glossy-samples", count(1, MANY));
+    let guide = table.optional("guide", |value| value.choice(GUIDES));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
     let shadow_photons = table.optional("shadow-photons", |value| value.choice(SHADOW_MODES));
     let shadow_photon_rays = table.optional("shadow-photon-rays", |value| value.integer(0..=SHADOW_RAYS));
@@ -206,6 +208,7 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         search: search?,
         gather_samples: gather_samples?,
         glossy_samples: glossy_samples?,
+        guide: guide?,
         visible_kernel: visible_kernel?,
         shadow_photons: shadow_photons?,
         shadow_photon_rays: shadow_photon_rays?,
@@ -256,6 +259,7 @@ mod tests {
         check(QUALITIES);
         check(INTEGRATORS);
         check(MAPS);
+        check(GUIDES);
         check(ESTIMATORS);
         check(SEARCH_REGIONS);
         check(SHADOW_MODES);
