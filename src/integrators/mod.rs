@@ -56,6 +56,10 @@ pub struct Counters {
     pub caustic_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
+    /// Photons that estimates looked at.
+    pub photons_visited: u64,
+    /// Estimates that differential checking made smaller.
+    pub differential_stops: u64,
     /// Feeler rays of visible kernels.
     pub feelers: u64,
     /// Paths cut at the depth limit.
@@ -78,6 +82,8 @@ impl AddAssign for Counters {
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
         self.empty_lookups += other.empty_lookups;
+        self.photons_visited += other.photons_visited;
+        self.differential_stops += other.differential_stops;
         self.feelers += other.feelers;
         self.truncated += other.truncated;
         self.interfaces += other.interfaces;

@@ -97,7 +97,7 @@ pub fn render(
     };
     let start = Instant::now();
     let medium = scene.medium_at(camera.eye());
-    let reading = settings.photon_map_settings(scene.bounds().1);
+    let reading = settings.photon_map_settings(scene);
     let integrator: Box<dyn Integrator + '_> = match settings.integrator {
         IntegratorKind::PhotonMap => {
             Box::new(PhotonMapIntegrator::new(scene, &pass_one.maps, &plan, reading, medium))

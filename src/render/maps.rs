@@ -45,14 +45,19 @@ pub struct PassOne {
 }
 
 impl Settings {
-    /// How the photon maps are read, for a scene whose bounding sphere has this radius.
-    pub fn photon_map_settings(&self, scene_radius: f32) -> PhotonMapSettings {
+    /// How the photon maps of `scene` are read.
+    pub fn photon_map_settings(&self, scene: &Scene) -> PhotonMapSettings {
+        let scene_radius = scene.bounds().1;
+        let to_render = |metres| scene.space().length(metres) as f32;
         PhotonMapSettings {
             global_nearest: self.global_nearest,
             caustic_nearest: self.caustic_nearest,
             caustic: EstimateParams { kernel: self.kernel, estimator: self.estimator },
             global: EstimateParams { kernel: Kernel::Constant, estimator: self.estimator },
+            global_radius: self.global_radius.map(to_render),
+            caustic_radius: self.caustic_radius.map(to_render),
             region: self.search,
+            differential_check: self.differential_check,
             max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
             gather_samples: self.gather_samples,
             light_samples: self.light_samples,
@@ -75,12 +80,12 @@ pub fn build_maps(
         let map = build_map(scene, settings, MapKind::Global, settings.global_photons, observer, &mut pass)?;
         if plan.final_gather.build && settings.precomputed_irradiance && !map.is_empty() {
             observer.begin("precomputing irradiance", 1);
-            let reading = settings.photon_map_settings(scene.bounds().1);
+            let reading = settings.photon_map_settings(scene);
             let template = reading.global_query(Vec3::ZERO, Vec3::Z);
             pass.maps.irradiance = Some(map.precompute_irradiance_visible(
-                &template,
-                &reading.global,
+                (&template, &reading.global),
                 IRRADIANCE_STRIDE,
+                plan.caustic_map.build,
                 |at, normal, radius| visible_domain(scene, at, normal, radius),
             ));
             observer.advance(1);

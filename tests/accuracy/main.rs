@@ -8,6 +8,7 @@
 mod determinism;
 mod direct;
 mod enclosures;
+mod estimators;
 mod extremes;
 mod photon_pass;
 mod pictures;

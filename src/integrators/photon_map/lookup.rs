@@ -25,14 +25,20 @@ pub(super) fn reflected(
         counters.feelers += FEELERS as u64;
         visible_domain(scene, query.position, query.normal, radius)
     };
+    let visited = photons.visited();
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
     if let Bsdf::Lambert(lambert) = shading.bsdf {
-        let irradiance = map.estimate_irradiance_visible(query, params, photons, domain).value;
-        return lambert.reflectance * irradiance * FRAC_1_PI;
+        let estimate = map.estimate_irradiance_visible(query, params, photons, domain);
+        counters.photons_visited += photons.visited() - visited;
+        counters.differential_stops += u64::from(estimate.at_edge);
+        return lambert.reflectance * estimate.value * FRAC_1_PI;
     }
     let wo = shading.wo_local;
     let f = |wi: Vec3| shading.bsdf.eval(wo, shading.frame.to_local(wi));
-    map.estimate_radiance_visible(query, params, photons, domain, f).value
+    let estimate = map.estimate_radiance_visible(query, params, photons, domain, f);
+    counters.photons_visited += photons.visited() - visited;
+    counters.differential_stops += u64::from(estimate.at_edge);
+    estimate.value
 }
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.

@@ -28,6 +28,8 @@ const STOPS: Expected =
 const CONE_CONSTANT: Expected =
     Expected { what: "a number from 1 to 1000", example: "1.1", holds: |x| (1.0..=1000.0).contains(&x) };
 
+const RADIUS: Expected = Expected { what: "a length above zero", example: "0.01", holds: |x| x > 0.0 };
+
 pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescription> {
     let context = table.context();
     let location = table.location();
@@ -146,8 +148,8 @@ const KERNELS: &[(&str, Kernel)] = &[
     ("gaussian", Kernel::Gaussian),
 ];
 
-/// Settings under the names of the command line's options.
-pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
+/// Settings under the names of the command line's options. Lengths are in units of `unit` metres.
+pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> {
     const MANY: u64 = 1 << 24;
     const PHOTONS: u64 = 1 << 40;
     let count = |low: u64, high: u64| {
@@ -163,9 +165,12 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let caustic_photons = table.optional("caustic-photons", photons);
     let global_nearest = table.optional("global-nearest", count(1, MANY));
     let caustic_nearest = table.optional("caustic-nearest", count(1, MANY));
+    let global_radius = table.optional("global-radius", |value| value.number(&RADIUS).map(|r| r * unit));
+    let caustic_radius = table.optional("caustic-radius", |value| value.number(&RADIUS).map(|r| r * unit));
     let kernel = read_kernel(&mut table);
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
+    let differential_check = table.optional("differential-check", |value| value.boolean());
     let gather_samples = table.optional("gather-samples", count(1, MANY));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
@@ -182,9 +187,12 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         caustic_photons: caustic_photons?,
         global_nearest: global_nearest?,
         caustic_nearest: caustic_nearest?,
+        global_radius: global_radius?,
+        caustic_radius: caustic_radius?,
         kernel: kernel?,
         estimator: estimator?,
         search: search?,
+        differential_check: differential_check?,
         gather_samples: gather_samples?,
         visible_kernel: visible_kernel?,
         precomputed_irradiance: precomputed_irradiance?,
