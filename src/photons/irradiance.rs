@@ -14,29 +14,17 @@ const LEAF: usize = 8;
 /// Irradiance at some photons of a map, ready to be read by final gather rays (Christensen, "Faster Photon Map Global
 /// Illumination", Journal of Graphics Tools 4(3), 1999).
 ///
-/// The points have a tree of their own. 19 bytes a point, 23 with wide estimates.
+/// The points have a tree of their own. 19 bytes a point.
 #[derive(Clone, Debug)]
 pub struct IrradianceMap {
     tree: KdTree<LEAF>,
     values: Vec<Rgbe>,
-    /// Wide estimates, where they were asked for.
-    wide: Vec<Rgbe>,
 }
-
-/// Photons in a wide estimate over those in a usual one, at most.
-const WIDER: usize = 32;
-
-/// How far the radius of an estimate must be below that of evenly spread photons for a wide one to be made.
-const DENSE: f32 = 0.5;
 
 #[derive(Clone, Copy)]
 struct IrradiancePoint {
     position: Vec3,
     irradiance: Rgbe,
-    /// The wide estimate.
-    wide: Rgbe,
-    /// Radius of the usual estimate.
-    radius: f32,
     /// Code of the normal, in the bits where a photon's flags have it.
     normal: u16,
 }
@@ -51,8 +39,7 @@ impl Point for IrradiancePoint {
     }
 
     fn tie(&self) -> u64 {
-        let (narrow, wide) = (u32::from_be_bytes(self.irradiance.0), u32::from_be_bytes(self.wide.0));
-        mix(u64::from(narrow) << 32 | u64::from(wide)) ^ u64::from(self.normal)
+        u64::from(u32::from_be_bytes(self.irradiance.0)) << 16 | u64::from(self.normal)
     }
 }
 
@@ -72,68 +59,40 @@ impl PhotonMap {
         params: &EstimateParams,
         stride: usize,
     ) -> IrradianceMap {
-        self.precompute_irradiance_visible((template, params), stride, false, |_, _, _| None)
+        self.precompute_irradiance_visible(template, params, stride, |_, _, _| None)
     }
 
     /// [`Self::precompute_irradiance`] over visible kernels: `domain` tells which part of a disc (position, normal,
     /// radius) can be seen from its centre.
-    ///
-    /// With `wide`, a second estimate is made for [`IrradianceMap::nearest_wide`] where photons lie densely, as in the
-    /// focus of a lens: of a radius no smaller than that of evenly spread photons, or else of 32 times as many. Its
-    /// mean over a surface is the same, and its peaks are lower.
     pub fn precompute_irradiance_visible(
         &self,
-        (template, params): (&Query, &EstimateParams),
+        template: &Query,
+        params: &EstimateParams,
         stride: usize,
-        wide: bool,
         domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
     ) -> IrradianceMap {
         let stride = stride.max(1);
-        let estimate = |scratch: &mut Scratch, position, normal, template: &Query| {
-            let query = template.at(position, normal);
-            self.estimate_irradiance_visible(&query, params, scratch, |radius| {
-                domain(position, normal, radius)
-            })
-        };
-        let dither = |i: usize| (mix(i as u64) >> 40) as f32 / 16_777_216.0;
         let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
             .map_init(Scratch::default, |scratch, i| {
                 let photon = self.photon(i * stride);
-                let found = estimate(scratch, photon.position, photon.normal(), template);
-                let irradiance = Rgbe::encode_dithered(found.value, dither(i));
+                let normal = photon.normal();
+                let query = template.at(photon.position, normal);
+                let irradiance = self
+                    .estimate_irradiance_visible(&query, params, scratch, |radius| {
+                        domain(photon.position, normal, radius)
+                    })
+                    .value;
+                let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
                 IrradiancePoint {
                     position: photon.position,
-                    irradiance,
-                    wide: irradiance,
-                    radius: found.radius,
-                    normal: normal_code(photon.normal()),
+                    irradiance: Rgbe::encode_dithered(irradiance, dither),
+                    normal: normal_code(normal),
                 }
             })
             .collect();
-        if wide && !points.is_empty() {
-            let squares: f64 = points.iter().map(|point| f64::from(point.radius).powi(2)).sum();
-            let even = (squares / points.len() as f64).sqrt() as f32;
-            let template = Query { k: template.k.saturating_mul(WIDER), max_radius: even, ..*template };
-            points
-                .par_iter_mut()
-                .enumerate()
-                .map_init(Scratch::default, |scratch, (i, point)| {
-                    if point.radius < DENSE * even {
-                        let photon = self.photon(i * stride);
-                        let found = estimate(scratch, photon.position, photon.normal(), &template);
-                        point.wide = Rgbe::encode_dithered(found.value, dither(i));
-                    }
-                })
-                .for_each(drop);
-        }
         let tree = KdTree::build(&mut points);
-        let values = |value: fn(&IrradiancePoint) -> Rgbe| points.iter().map(value).collect();
-        IrradianceMap {
-            tree,
-            values: values(|point| point.irradiance),
-            wide: if wide { values(|point| point.wide) } else { Vec::new() },
-        }
+        IrradianceMap { tree, values: points.iter().map(|point| point.irradiance).collect() }
     }
 }
 
@@ -150,30 +109,18 @@ impl IrradianceMap {
 
     /// Bytes that points and search structure take.
     pub fn memory_bytes(&self) -> usize {
-        self.tree.memory_bytes() + (self.values.capacity() + self.wide.capacity()) * size_of::<Rgbe>()
+        self.tree.memory_bytes() + self.values.capacity() * size_of::<Rgbe>()
     }
 
     /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit
     /// vector `normal` ([`MIN_NORMAL_COS`]); `None` where there is none within `max_radius`.
     pub fn nearest(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
-        self.nearest_index(position, normal, max_radius).map(|index| self.values[index].decode())
-    }
-
-    /// [`Self::nearest`] of the wide estimates, or of the usual ones where there are none: for rays that came by way of
-    /// specular surfaces. Such a ray stands for light that reaches its start through a lens, and may find the focus of
-    /// that very lens: rarely, and then very bright.
-    pub fn nearest_wide(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
-        let values = if self.wide.is_empty() { &self.values } else { &self.wide };
-        self.nearest_index(position, normal, max_radius).map(|index| values[index].decode())
-    }
-
-    fn nearest_index(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<usize> {
         let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
         let mut visitor = NearestOne::new(max_radius, |_, normal, distance_squared, _| {
             acceptance.accepts(normal).then_some(distance_squared)
         });
         self.tree.search(position, &mut visitor);
-        visitor.best().map(index_of)
+        visitor.best().map(|key| self.values[index_of(key)].decode())
     }
 }
 

@@ -83,9 +83,9 @@ pub fn build_maps(
             let reading = settings.photon_map_settings(scene);
             let template = reading.global_query(Vec3::ZERO, Vec3::Z);
             pass.maps.irradiance = Some(map.precompute_irradiance_visible(
-                (&template, &reading.global),
+                &template,
+                &reading.global,
                 IRRADIANCE_STRIDE,
-                plan.caustic_map.build,
                 |at, normal, radius| visible_domain(scene, at, normal, radius),
             ));
             observer.advance(1);

@@ -148,7 +148,7 @@ impl Quality {
     pub fn settings(self) -> Settings {
         let (spp, gather_samples, global_photons, caustic_photons, caustic_nearest) = match self {
             Self::Draft => (4, 4, 50_000, 100_000, 50),
-            Self::Preview => (16, 8, 200_000, 500_000, 60),
+            Self::Preview => (16, 8, 200_000, 500_000, 120),
             Self::Final => (64, 8, 500_000, 5_000_000, 80),
             Self::Reference => (1024, 8, 4_000_000, 20_000_000, 100),
         };

@@ -192,7 +192,12 @@ fn indirect_light_of_round_things() {
 fn no_leak_at_the_foot_of_the_ring() {
     const SIZE: usize = 256;
     let stage = Stage::load("cardioid", (SIZE as u32, SIZE as u32));
-    let shot = stage.shoot(&Overrides { spp: Some(8), ..photon_map() });
+    let shot = stage.shoot(&Overrides {
+        spp: Some(4),
+        gather_samples: Some(2),
+        global_photons: Some(50_000),
+        ..photon_map()
+    });
     let objects = &shot.developed.layer("object").unwrap().values;
     let reference = reference("cardioid");
     let (picture, wanted) = (shot.layer("beauty"), reference.picture().values());
@@ -226,36 +231,4 @@ fn no_leak_at_the_foot_of_the_ring() {
         assert!(pixels > 300, "{side}: {pixels} pixels");
         assert!((found / want - 1.0f64).abs() <= 0.03, "{side}: {found}, not {want}");
     }
-}
-
-/// Light that reaches a wall through the lens whose focus it comes from: rare and bright. Wide estimates behind specular
-/// surfaces lower the peaks and keep the mean.
-#[test]
-fn gather_rays_through_glass_bring_no_fireflies() {
-    let stage = Stage::load("cornell-spheres", (64, 64));
-    let mut shots = Vec::new();
-    for seed in 0..4 {
-        let settings = Overrides {
-            spp: Some(16),
-            global_photons: Some(100_000),
-            caustic_photons: Some(20_000),
-            seed: Some(seed),
-            ..photon_map()
-        };
-        shots.push(stage.shoot(&settings));
-    }
-    let values = |shot: &Shot| -> Vec<f64> {
-        shot.layer("indirect").chunks_exact(3).map(|v| v.iter().map(|&v| f64::from(v)).sum()).collect()
-    };
-    // Brightest against the mean of its eight neighbours, over all pixels of all seeds.
-    let mut worst = 0f64;
-    for pixels in shots.iter().map(values) {
-        for (y, x) in (1..63).flat_map(|y| (1..63).map(move |x| (y, x))) {
-            let around: f64 =
-                (0..9).filter(|i| *i != 4).map(|i| pixels[(y + i / 3 - 1) * 64 + x + i % 3 - 1]).sum();
-            worst = worst.max(pixels[y * 64 + x] - around / 8.0);
-        }
-    }
-    let mean = shots.iter().map(|shot| shot.mean("indirect").iter().sum::<f64>()).sum::<f64>() / 4.0;
-    println!("mean {mean}, brightest pixel over its neighbours {worst}");
 }

@@ -89,7 +89,7 @@ impl PhotonMapIntegrator<'_> {
             }
             let shading = hit.shading(self.scene.material(&hit));
             if !shading.bsdf.is_delta() {
-                found.indirect = throughput * self.approximate(&hit, &shading, depth > 0, scratch);
+                found.indirect = throughput * self.approximate(&hit, &shading, scratch);
                 return found;
             }
             // A specular surface on the way: one of its directions, drawn by the Fresnel term. One number serves the
@@ -117,27 +117,15 @@ impl PhotonMapIntegrator<'_> {
         found
     }
 
-    /// Radiance of a diffuse surface read from the global map, `by_specular` for rays that met specular surfaces on
-    /// the way.
-    fn approximate(
-        &self,
-        hit: &SurfaceInteraction,
-        shading: &Shading,
-        by_specular: bool,
-        scratch: &mut Scratch,
-    ) -> Rgb {
+    /// Radiance of a diffuse surface read from the global map.
+    fn approximate(&self, hit: &SurfaceInteraction, shading: &Shading, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.global else { return Rgb::ZERO };
         if !shading.bsdf.has_diffuse() {
             return Rgb::ZERO;
         }
         scratch.counters.global_lookups += 1;
         if let (Some(irradiance), Bsdf::Lambert(lambert)) = (&self.maps.irradiance, shading.bsdf) {
-            let (position, normal) = (hit.point.position, hit.facing_normal());
-            let found = if by_specular {
-                irradiance.nearest_wide(position, normal, self.settings.max_radius)
-            } else {
-                irradiance.nearest(position, normal, self.settings.max_radius)
-            };
+            let found = irradiance.nearest(hit.point.position, hit.facing_normal(), self.settings.max_radius);
             return match found {
                 Some(irradiance) => lambert.reflectance * irradiance * FRAC_1_PI,
                 None => {

@@ -159,13 +159,13 @@ fn on_curved(area: f64, n: usize, on_surface: impl Fn(&mut Rng) -> (Vec3, Vec3))
 #[test]
 fn curvature_costs_nothing() {
     // Radius of the search over that of the surface: 0.1, 0.2, 0.4.
-    for n in [50, 200, 800] {
+    for (n, on_torus) in [(50, 20), (200, 30), (800, 50)] {
         let ball = on_curved(4.0 * PI, n, |rng| {
             let p = warp::square_to_sphere(rng.next_2d());
             (p, p)
         });
         // A torus of radii 4 and 1 is round in one direction, and saddles inside; no ends.
-        let torus = on_curved(16.0 * PI * PI, 4 * n / 40, |rng| {
+        let torus = on_curved(16.0 * PI * PI, on_torus, |rng| {
             loop {
                 let u = rng.next_2d() * std::f32::consts::TAU;
                 let out = 4.0 + u.y.cos();
