@@ -27,9 +27,13 @@ const IN_SURFACE: f32 = 0.1;
 /// is `pi r^2` on planes and on spheres (a cap of chord `r`) and larger by `r^2 / 32 R^2` on cylinders.
 #[inline]
 fn flattened(distance_squared: f32, v: Vec3, normals: Vec3) -> f32 {
-    let along = v.dot(normals);
-    let height_squared = along * along / normals.length_squared();
-    let outside = (height_squared - IN_SURFACE * IN_SURFACE * distance_squared).max(0.0);
+    let (along, scale) = (v.dot(normals), normals.length_squared());
+    let allowed = IN_SURFACE * IN_SURFACE * distance_squared;
+    // Nearly always, and without a division.
+    if along * along <= allowed * scale {
+        return distance_squared;
+    }
+    let outside = (along * along / scale - allowed).max(0.0);
     distance_squared + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * outside
 }
 
