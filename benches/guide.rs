@@ -102,7 +102,7 @@ fn table(name: &str, built: &BuiltScene, kind: IntegratorKind, spp: u32) {
     let mut pass = build_maps(scene, &plan, &with_maps, &Silent).unwrap();
     let clock = Instant::now();
     let start = thread_seconds(clock);
-    let params = settings.guide_params(scene.bounds().1);
+    let params = settings.guide_params(scene);
     let guide = DirectionGuide::build(pass.maps.global.as_ref().unwrap(), &params);
     let building = thread_seconds(clock) - start;
     let medium = scene.medium_at(built.camera.eye());

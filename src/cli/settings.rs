@@ -50,6 +50,14 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = count_from_one)]
     caustic_nearest: Option<u32>,
 
+    /// Radius of estimates from the global map: all photons within it, instead of the nearest.
+    #[arg(long, value_name = "METRES", value_parser = radius, conflicts_with = "global_nearest")]
+    global_radius: Option<f64>,
+
+    /// Radius of estimates from the caustic map: all photons within it, instead of the nearest.
+    #[arg(long, value_name = "METRES", value_parser = radius, conflicts_with = "caustic_nearest")]
+    caustic_radius: Option<f64>,
+
     /// Kernel of caustic estimates.
     #[arg(long, value_enum)]
     kernel: Option<KernelArg>,
@@ -65,6 +73,10 @@ pub(crate) struct SettingsArgs {
     /// Region in which photons are searched.
     #[arg(long, value_enum)]
     search: Option<SearchArg>,
+
+    /// Whether estimates shrink where more photons change them in one direction only, as at the edge of a caustic.
+    #[arg(long, value_name = "BOOL")]
+    differential_check: Option<bool>,
 
     /// Final gather rays per camera sample: less noise in indirect light, and most of the time of many scenes.
     #[arg(long, value_name = "N", value_parser = count_from_one)]
@@ -176,6 +188,13 @@ fn count_from_one(text: &str) -> Result<u32, String> {
     }
 }
 
+fn radius(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(radius) if radius > 0.0 && radius.is_finite() => Ok(radius),
+        _ => Err("a radius is a number of metres above zero".to_owned()),
+    }
+}
+
 fn cone_constant(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(k) if k >= 1.0 && k.is_finite() => Ok(k),
@@ -217,6 +236,8 @@ impl SettingsArgs {
             caustic_photons: self.caustic_photons.or(caustic_by_ratio),
             global_nearest: self.global_nearest,
             caustic_nearest: self.caustic_nearest,
+            global_radius: self.global_radius,
+            caustic_radius: self.caustic_radius,
             kernel,
             estimator: self.estimator.map(|estimator| match estimator {
                 EstimatorArg::AsPrinted => Estimator::AsPrinted,
@@ -226,6 +247,7 @@ impl SettingsArgs {
                 SearchArg::Sphere => SearchRegion::Sphere,
                 SearchArg::Disc => SearchRegion::Disc,
             }),
+            differential_check: self.differential_check,
             gather_samples: self.gather_samples,
             glossy_samples: self.glossy_samples,
             guide: self.guide.map(|guide| match guide {

@@ -71,6 +71,10 @@ pub struct Counters {
     pub guided: u64,
     /// Surfaces at which they were asked to and none were near.
     pub unguided: u64,
+    /// Photons that estimates looked at.
+    pub photons_visited: u64,
+    /// Estimates that differential checking made smaller.
+    pub differential_stops: u64,
     /// Feeler rays of visible kernels.
     pub feelers: u64,
     /// Paths cut at the depth limit.
@@ -117,6 +121,8 @@ impl AddAssign for Counters {
         self.empty_lookups += other.empty_lookups;
         self.guided += other.guided;
         self.unguided += other.unguided;
+        self.photons_visited += other.photons_visited;
+        self.differential_stops += other.differential_stops;
         self.feelers += other.feelers;
         self.truncated += other.truncated;
         self.interfaces += other.interfaces;

@@ -120,8 +120,7 @@ impl PathTracer<'_> {
         samples: &mut SampleStream,
     ) -> bool {
         let shading = directions.shading;
-        let u_lobe =
-            if shading.bsdf.chooses() || directions.draws_lobe() { samples.next_1d() } else { 0.0 };
+        let u_lobe = if shading.bsdf.chooses() || directions.draws_lobe() { samples.next_1d() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { glam::Vec2::ZERO } else { samples.next_2d() };
         let Some(sample) = directions.sample(u_lobe, u) else { return false };
         let direction = shading.frame.to_world(sample.wi);

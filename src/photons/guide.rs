@@ -6,6 +6,7 @@
 //! and a hit looks up its cell. The density is positive wherever light may come from, so estimates stay unbiased.
 
 use super::SearchRegion;
+use super::estimate::least_radius;
 use super::map::{PhotonMap, Query, Scratch};
 use super::photon::PhotonClasses;
 use crate::bsdf::Lambert;
@@ -250,7 +251,7 @@ fn record(
     };
     let frame = Frame::from_z(normal);
     let found = map.search(&query, scratch);
-    let radius_squared = found.farthest_squared().max(map.least_radius(position).powi(2));
+    let radius_squared = found.farthest_squared().max(least_radius(position).powi(2));
     let mut counts = [0.0; SIDE * SIDE];
     let (mut sum, mut sum_of_squares) = (0.0f64, 0.0f64);
     for (index, distance_squared) in found.iter() {

@@ -1,6 +1,6 @@
 use super::domain::KernelDomain;
 use super::estimate::EstimateParams;
-use super::kd_tree::{KdTree, Metric, Point};
+use super::kd_tree::{KdTree, Point};
 use super::map::{MIN_NORMAL_COS, NearestOne, PhotonMap, Query, Scratch, index_of};
 use super::photon::{Acceptance, PhotonClasses, normal_code};
 use crate::math::{Rgb, Rgbe};
@@ -116,8 +116,10 @@ impl IrradianceMap {
     /// vector `normal` ([`MIN_NORMAL_COS`]); `None` where there is none within `max_radius`.
     pub fn nearest(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
         let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
-        let mut visitor = NearestOne::new(max_radius, |_, normal| acceptance.accepts(normal));
-        self.tree.search(&Metric::sphere(position), &mut visitor);
+        let mut visitor = NearestOne::new(max_radius, |_, normal, distance_squared, _| {
+            acceptance.accepts(normal).then_some(distance_squared)
+        });
+        self.tree.search(position, &mut visitor);
         visitor.best().map(|key| self.values[index_of(key)].decode())
     }
 }

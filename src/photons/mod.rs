@@ -1,5 +1,6 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
 
+mod differential;
 mod domain;
 mod emission;
 mod estimate;

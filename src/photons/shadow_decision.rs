@@ -10,7 +10,7 @@
 //! What may go unseen: a shadow that takes less than that share from the surface within the radius of those photons. For
 //! a straight and wholly dark strip through the middle of that disc this means a width below `0.8 %` of its diameter.
 
-use super::kd_tree::{KdTree, Metric, Point};
+use super::kd_tree::{KdTree, Point};
 use super::map::{NearestOne, index_of};
 use super::photon::{Acceptance, PhotonClasses, normal_code};
 use super::shadow::TracedShadows;
@@ -124,10 +124,10 @@ impl DecisionMap {
     pub(super) fn decide(&self, position: Vec3, normal: Vec3, surface: u32) -> ShadowDecision {
         let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
         let mut found = PhotonClass::Indirect;
-        let mut visitor = NearestOne::new(self.largest_reach, |index: usize, flags| {
-            acceptance.accepts(flags) && self.places[index].0 == surface
+        let mut visitor = NearestOne::new(self.largest_reach, |index: usize, flags, distance_squared, _| {
+            (acceptance.accepts(flags) && self.places[index].0 == surface).then_some(distance_squared)
         });
-        self.tree.search(&Metric::sphere(position), &mut visitor);
+        self.tree.search(position, &mut visitor);
         let Some(key) = visitor.best() else { return ShadowDecision::TooFew };
         let index = index_of(key);
         let distance = (self.tree.position(index) - position).length();

@@ -102,7 +102,7 @@ pub fn render(
     let mut seconds_cache = 0.0;
     let mut cache = None;
     let medium = scene.medium_at(camera.eye());
-    let reading = settings.photon_map_settings(scene.bounds().1);
+    let reading = settings.photon_map_settings(scene);
     let integrator: Box<dyn Integrator + '_> = match settings.integrator {
         IntegratorKind::PhotonMap => {
             let mut integrator = PhotonMapIntegrator::new(scene, &pass_one.maps, &plan, reading, medium);

@@ -52,14 +52,19 @@ pub struct PassOne {
 }
 
 impl Settings {
-    /// How the photon maps are read, for a scene whose bounding sphere has this radius.
-    pub fn photon_map_settings(&self, scene_radius: f32) -> PhotonMapSettings {
+    /// How the photon maps of `scene` are read.
+    pub fn photon_map_settings(&self, scene: &Scene) -> PhotonMapSettings {
+        let scene_radius = scene.bounds().1;
+        let to_render = |metres| scene.space().length(metres) as f32;
         PhotonMapSettings {
             global_nearest: self.global_nearest,
             caustic_nearest: self.caustic_nearest,
             caustic: EstimateParams { kernel: self.kernel, estimator: self.estimator },
             global: EstimateParams { kernel: Kernel::Constant, estimator: self.estimator },
+            global_radius: self.global_radius.map(to_render),
+            caustic_radius: self.caustic_radius.map(to_render),
             region: self.search,
+            differential_check: self.differential_check,
             max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
             gather_samples: self.gather_samples,
             glossy_samples: self.glossy_samples,
@@ -73,9 +78,9 @@ impl Settings {
 }
 
 impl Settings {
-    /// How photons guide, for a scene whose bounding sphere has this radius.
-    pub fn guide_params(&self, scene_radius: f32) -> GuideParams {
-        let reading = self.photon_map_settings(scene_radius);
+    /// How photons guide in `scene`.
+    pub fn guide_params(&self, scene: &Scene) -> GuideParams {
+        let reading = self.photon_map_settings(scene);
         GuideParams {
             classes: match self.integrator {
                 // Caustics come from their own map.
@@ -108,7 +113,7 @@ pub fn build_maps(
         let map = build_map(scene, settings, MapKind::Global, settings.global_photons, observer, &mut pass)?;
         if plan.final_gather.build && settings.precomputed_irradiance && !map.is_empty() {
             observer.begin("precomputing irradiance", 1);
-            let reading = settings.photon_map_settings(scene.bounds().1);
+            let reading = settings.photon_map_settings(scene);
             let template = reading.global_query(Vec3::ZERO, Vec3::Z);
             pass.maps.irradiance = Some(map.precompute_irradiance_visible(
                 &template,
@@ -120,7 +125,7 @@ pub fn build_maps(
         }
         if plan.guide.build {
             observer.begin("building the guide", 1);
-            pass.maps.guide = DirectionGuide::build(&map, &settings.guide_params(scene.bounds().1));
+            pass.maps.guide = DirectionGuide::build(&map, &settings.guide_params(scene));
             observer.advance(1);
         }
         // Paths read no map.
@@ -154,7 +159,7 @@ fn build_shadows(scene: &Scene, settings: &Settings, observer: &dyn Observer, pa
         IntegratorKind::Photons => ShadowMode::Off,
         IntegratorKind::PhotonMap | IntegratorKind::Path => settings.shadow_photons,
     };
-    let max_radius = settings.photon_map_settings(scene.bounds().1).max_radius;
+    let max_radius = settings.photon_map_settings(scene).max_radius;
     let maps = build_shadow_maps(scene, mode, rays, settings.seed, max_radius);
     pass.seconds_shadows = start.elapsed().as_secs_f64();
     for (light, tally) in maps.tallies().iter().enumerate() {

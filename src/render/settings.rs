@@ -51,12 +51,18 @@ pub struct Overrides {
     pub global_nearest: Option<u32>,
     /// Photons in an estimate from the caustic map.
     pub caustic_nearest: Option<u32>,
+    /// Radius of estimates from the global map in metres, in place of a count of photons.
+    pub global_radius: Option<f64>,
+    /// Radius of estimates from the caustic map in metres, in place of a count of photons.
+    pub caustic_radius: Option<f64>,
     /// Kernel of caustic estimates.
     pub kernel: Option<Kernel>,
     /// Bias of the estimates.
     pub estimator: Option<Estimator>,
     /// Search region.
     pub search: Option<SearchRegion>,
+    /// Whether estimates shrink where they change in one direction only (Jensen & Christensen 1995).
+    pub differential_check: Option<bool>,
     /// Final gather rays per camera sample.
     pub gather_samples: Option<u32>,
     /// Distribution rays at the first highly glossy surface of a camera sample.
@@ -102,9 +108,17 @@ impl Overrides {
             caustic_photons: self.caustic_photons.or(below.caustic_photons),
             global_nearest: self.global_nearest.or(below.global_nearest),
             caustic_nearest: self.caustic_nearest.or(below.caustic_nearest),
+            // A count asked for here goes over a radius asked for below.
+            global_radius: self
+                .global_radius
+                .or(below.global_radius.filter(|_| self.global_nearest.is_none())),
+            caustic_radius: self
+                .caustic_radius
+                .or(below.caustic_radius.filter(|_| self.caustic_nearest.is_none())),
             kernel: self.kernel.or(below.kernel),
             estimator: self.estimator.or(below.estimator),
             search: self.search.or(below.search),
+            differential_check: self.differential_check.or(below.differential_check),
             gather_samples: self.gather_samples.or(below.gather_samples),
             glossy_samples: self.glossy_samples.or(below.glossy_samples),
             guide: self.guide.or(below.guide),
@@ -146,12 +160,18 @@ pub struct Settings {
     pub global_nearest: u32,
     /// Photons in an estimate from the caustic map.
     pub caustic_nearest: u32,
+    /// Radius of estimates from the global map in metres; `None` where a count of photons sets it.
+    pub global_radius: Option<f64>,
+    /// Radius of estimates from the caustic map in metres; `None` where a count of photons sets it.
+    pub caustic_radius: Option<f64>,
     /// Kernel of caustic estimates.
     pub kernel: Kernel,
     /// Bias of the estimates.
     pub estimator: Estimator,
     /// Search region.
     pub search: SearchRegion,
+    /// Whether estimates shrink where they change in one direction only.
+    pub differential_check: bool,
     /// Final gather rays per camera sample.
     pub gather_samples: u32,
     /// Distribution rays at the first highly glossy surface of a camera sample.
@@ -200,7 +220,7 @@ impl Quality {
     pub fn settings(self) -> Settings {
         let (spp, gather_samples, global_photons, caustic_photons, caustic_nearest) = match self {
             Self::Draft => (4, 4, 50_000, 100_000, 50),
-            Self::Preview => (16, 8, 200_000, 500_000, 60),
+            Self::Preview => (16, 8, 200_000, 500_000, 120),
             Self::Final => (64, 8, 500_000, 5_000_000, 80),
             Self::Reference => (1024, 8, 4_000_000, 20_000_000, 100),
         };
@@ -219,9 +239,12 @@ impl Quality {
             caustic_photons,
             global_nearest: 80,
             caustic_nearest,
+            global_radius: None,
+            caustic_radius: None,
             kernel: Kernel::Cone { k: 1.0 },
             estimator: Estimator::Corrected,
             search: SearchRegion::Disc,
+            differential_check: false,
             gather_samples,
             glossy_samples: 6,
             guide: GuideKind::None,
@@ -256,9 +279,12 @@ impl From<&Overrides> for Settings {
             caustic_photons: asked.caustic_photons.unwrap_or(preset.caustic_photons),
             global_nearest: asked.global_nearest.unwrap_or(preset.global_nearest),
             caustic_nearest: asked.caustic_nearest.unwrap_or(preset.caustic_nearest),
+            global_radius: asked.global_radius.or(preset.global_radius),
+            caustic_radius: asked.caustic_radius.or(preset.caustic_radius),
             kernel: asked.kernel.unwrap_or(preset.kernel),
             estimator: asked.estimator.unwrap_or(preset.estimator),
             search: asked.search.unwrap_or(preset.search),
+            differential_check: asked.differential_check.unwrap_or(preset.differential_check),
             gather_samples: asked.gather_samples.unwrap_or(preset.gather_samples),
             glossy_samples: asked.glossy_samples.unwrap_or(preset.glossy_samples),
             guide: asked.guide.unwrap_or(preset.guide),
@@ -278,5 +304,18 @@ impl From<&Overrides> for Settings {
             accurate_distance: asked.accurate_distance.unwrap_or(preset.accurate_distance),
             approximate_weight: asked.approximate_weight.unwrap_or(preset.approximate_weight),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_count_asked_for_later_goes_over_a_radius() {
+        let below = Overrides { global_radius: Some(0.1), caustic_radius: Some(0.2), ..Overrides::default() };
+        let above = Overrides { caustic_nearest: Some(30), ..Overrides::default() };
+        let both = Settings::from(&above.over(below));
+        assert_eq!((both.global_radius, both.caustic_radius, both.caustic_nearest), (Some(0.1), None, 30));
     }
 }

@@ -242,7 +242,7 @@ impl Scene {
             if let Geometry::Mesh(mesh) = &surface.geometry {
                 // Nearly every hit there is.
                 let corners = mesh.buffers.corners(hit.primitive);
-                let point = HitPoint::on_triangle(corners, hit.uv)
+                let point = HitPoint::on_triangle_along(corners, hit.uv, ray, hit.t)
                     .unwrap_or_else(|| flat_hit(corners, -ray.direction));
                 let shading_normal = mesh.shading_normal(hit.primitive, hit.uv, point.normal);
                 return found(ray, hit, *index, surface, point, shading_normal);
@@ -281,7 +281,7 @@ impl Scene {
         if self.texture_of(surface.material).is_some() {
             return None;
         }
-        let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?;
+        let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?.closer(ray, hit.t);
         let cosine = -point.normal.dot(Vec3A::from(ray.direction));
         let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
         let facing = if cosine > 0.0 { point.normal } else { -point.normal };

@@ -10,6 +10,7 @@ mod crossings;
 mod determinism;
 mod direct;
 mod enclosures;
+mod estimators;
 mod extremes;
 mod glossy;
 mod guide;

@@ -7,7 +7,7 @@ use cardioid::render::{Overrides, Quality};
 use std::path::Path;
 
 /// The reference picture in its two halves.
-fn reference(scene: &str) -> Reference {
+pub(crate) fn reference(scene: &str) -> Reference {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference").join(scene);
     let [first, second] = ["reference-1.exr", "reference-2.exr"].map(|name| {
         let image = image_io::read(folder.join(name)).unwrap();

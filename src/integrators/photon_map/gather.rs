@@ -73,8 +73,7 @@ impl PhotonMapIntegrator<'_> {
             return (indirect, Rgb::ZERO);
         }
         let points = (0..count).map(|i| splits.get_4d(i));
-        let (indirect, direct) =
-            self.gather_from(vertex, directions, points, (cached.is_none(), 0), scratch);
+        let (indirect, direct) = self.gather_from(vertex, directions, points, (cached.is_none(), 0), scratch);
         (cached.unwrap_or(indirect), direct)
     }
 

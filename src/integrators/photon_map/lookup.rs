@@ -36,15 +36,21 @@ pub(super) fn reflected_estimate(
         counters.feelers += FEELERS as u64;
         visible_domain(scene, query.position, query.normal, radius)
     };
+    let visited = photons.visited();
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
-    if let Some(lambert) = shading.bsdf.lambertian() {
+    let estimate = if let Some(lambert) = shading.bsdf.lambertian() {
         let estimate = map.estimate_irradiance_visible(query, params, photons, domain);
-        return Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate };
-    }
-    let wo = shading.wo_local;
-    let f =
-        |wi: Vec3| shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance);
-    map.estimate_radiance_visible(query, params, photons, domain, f)
+        Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate }
+    } else {
+        let wo = shading.wo_local;
+        let f = |wi: Vec3| {
+            shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance)
+        };
+        map.estimate_radiance_visible(query, params, photons, domain, f)
+    };
+    counters.photons_visited += photons.visited() - visited;
+    counters.differential_stops += u64::from(estimate.at_edge);
+    estimate
 }
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.

@@ -36,12 +36,18 @@ pub struct PhotonMapSettings {
     pub global_nearest: u32,
     /// Photons in an estimate from the caustic map.
     pub caustic_nearest: u32,
+    /// Radius of estimates from the global map, render space, in place of a count of photons.
+    pub global_radius: Option<f32>,
+    /// Radius of estimates from the caustic map, render space, in place of a count of photons.
+    pub caustic_radius: Option<f32>,
     /// Weights and bias of caustic estimates.
     pub caustic: EstimateParams,
     /// Weights and bias of estimates from the global map.
     pub global: EstimateParams,
     /// Search region.
     pub region: SearchRegion,
+    /// Whether estimates shrink where they change in one direction only.
+    pub differential_check: bool,
     /// Largest radius of an estimate, render space.
     pub max_radius: f32,
     /// Final gather rays per camera sample.
@@ -64,20 +70,22 @@ pub struct PhotonMapSettings {
 impl PhotonMapSettings {
     /// A query of the global map at a place.
     pub fn global_query(&self, position: Vec3, normal: Vec3) -> Query {
-        Query {
-            region: self.region,
-            max_radius: self.max_radius,
-            ..Query::nearest(position, normal, self.global_nearest as usize)
-        }
+        self.query(position, normal, self.global_nearest, self.global_radius)
     }
 
     /// A query of the caustic map at a place.
     pub fn caustic_query(&self, position: Vec3, normal: Vec3) -> Query {
-        Query {
-            region: self.region,
-            max_radius: self.max_radius,
-            ..Query::nearest(position, normal, self.caustic_nearest as usize)
-        }
+        self.query(position, normal, self.caustic_nearest, self.caustic_radius)
+    }
+
+    fn query(&self, position: Vec3, normal: Vec3, nearest: u32, radius: Option<f32>) -> Query {
+        let query = match radius {
+            Some(radius) => Query::within(position, normal, radius),
+            None => {
+                Query { max_radius: self.max_radius, ..Query::nearest(position, normal, nearest as usize) }
+            }
+        };
+        Query { region: self.region, differential_check: self.differential_check, ..query }
     }
 }
 

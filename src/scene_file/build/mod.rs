@@ -95,6 +95,20 @@ pub enum BuildProblem {
 /// Faces with corners so far from the scene's centre, in radii, lose digits that matter.
 const FAR_CAMERA: f64 = 1e5;
 
+/// What is less than so many steps of single precision across has lost a thousandth of its size to rounding.
+const FEW_STEPS: f64 = 1024.0;
+
+/// How many steps between neighbouring numbers of single precision fit into the extent of `bounds`, where space has its
+/// origin at `center`. Infinite for what has no extent.
+fn steps_across(bounds: &Bounds3, center: DVec3) -> f64 {
+    let extent = 2.0 * bounds.radius();
+    if bounds.is_empty() || extent <= 0.0 {
+        return f64::INFINITY;
+    }
+    let farthest = (bounds.min - center).abs().max((bounds.max - center).abs()).max_element();
+    extent / (farthest * f64::from(f32::EPSILON))
+}
+
 /// Builds the scene for a picture of `width` by `height` pixels.
 ///
 /// # Errors
@@ -109,7 +123,8 @@ pub fn build_scene(
     if !(bounds.is_empty() || bounds.center().is_finite() && bounds.radius().is_finite()) {
         return Err(whole(description, BuildProblem::Extent));
     }
-    let space = RenderSpace::fitting(bounds.center(), bounds.radius());
+    let space = RenderSpace::fitting(builder.choose_center(&bounds), bounds.radius());
+    builder.warn_of_coarse_positions(space.center);
     let camera = builder.camera(&bounds, &space, (width, height))?;
     let (embree, assembly) = builder.assemble(device, &space)?;
     let radius = space.length(bounds.radius()) as f32;
@@ -131,7 +146,7 @@ pub fn build_scene(
         media: media(description, &space),
         lights,
         space,
-        bounds: (glam::Vec3::ZERO, radius),
+        bounds: (space.position(bounds.center()).as_vec3(), radius),
         casters: casters(assembly.casters),
     });
     Ok(BuiltScene { scene, camera, warnings: builder.warnings })
@@ -213,6 +228,43 @@ impl<'a> Builder<'a> {
         self.placements().fold(Bounds3::EMPTY, |bounds, (index, transform, _)| {
             bounds.union(self.sources[index].0.bounds(&transform))
         })
+    }
+
+    /// Where the origin of render space is best: at the middle of the scene, unless that leaves something coarse
+    /// ([`steps_across`]); then at the middle of the coarsest thing, where numbers are finest. No other coordinate is
+    /// more than doubled by that.
+    fn choose_center(&self, bounds: &Bounds3) -> DVec3 {
+        let center = bounds.center();
+        let coarsest = self
+            .placements()
+            .map(|(index, transform, _)| self.sources[index].0.bounds(&transform))
+            .map(|bounds| (steps_across(&bounds, center), bounds.center()))
+            .filter(|(steps, _)| *steps < FEW_STEPS)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        coarsest.map_or(center, |(_, at)| at)
+    }
+
+    /// Warns of what is so small where it stands that rounding shows.
+    fn warn_of_coarse_positions(&mut self, center: DVec3) {
+        let mut coarse = vec![f64::INFINITY; self.description.shapes.len()];
+        for (index, transform, _) in self.placements() {
+            let steps = steps_across(&self.sources[index].0.bounds(&transform), center);
+            coarse[index] = coarse[index].min(steps);
+        }
+        let mut found = coarse.iter().enumerate().filter(|(_, steps)| **steps < FEW_STEPS);
+        let Some((index, steps)) = found.next() else { return };
+        let others = found.count();
+        let shape = &self.description.shapes[index];
+        self.warnings.push(SceneWarning {
+            location: shape.location.clone(),
+            message: format!(
+                "{}{} small and far from the middle: {:.0} steps of single precision across, so that rounding shows in \
+                 the shape and in caustics; make the scene around smaller, or move the rest towards it",
+                shape.name,
+                if others == 0 { " is".to_owned() } else { format!(" and {others} more shape(s) are") },
+                steps
+            ),
+        });
     }
 
     fn camera(

@@ -145,7 +145,8 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
     let unit = table.or("unit", 1.0, read_unit).unwrap_or(1.0);
     let camera = section(&mut table, "camera").map(|camera| view::read_camera(camera, unit));
     let film = section(&mut table, "film").map_or(Some(view::default_film()), view::read_film);
-    let render = section(&mut table, "render").map_or(Some(Default::default()), view::read_render);
+    let render = section(&mut table, "render")
+        .map_or(Some(Default::default()), |table| view::read_render(table, unit));
     let (mut media, media_names) = materials::read_media(section(&mut table, "media"), unit);
     let (textures, texture_names) = textures::read_textures(section(&mut table, "textures"), unit);
     let material_tables = section(&mut table, "materials");

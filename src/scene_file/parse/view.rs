@@ -32,6 +32,8 @@ const CACHE_ERROR: Expected =
 const SHARE: Expected =
     Expected { what: "a share from 0 to 1", example: "0.02", holds: |x| (0.0..=1.0).contains(&x) };
 
+const RADIUS: Expected = Expected { what: "a length above zero", example: "0.01", holds: |x| x > 0.0 };
+
 pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescription> {
     let context = table.context();
     let location = table.location();
@@ -155,8 +157,8 @@ const KERNELS: &[(&str, Kernel)] = &[
     ("gaussian", Kernel::Gaussian),
 ];
 
-/// Settings under the names of the command line's options.
-pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
+/// Settings under the names of the command line's options. Lengths are in units of `unit` metres.
+pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> {
     const MANY: u64 = 1 << 24;
     const PHOTONS: u64 = 1 << 40;
     const SHADOW_RAYS: u64 = 1 << 30;
@@ -173,9 +175,12 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let caustic_photons = table.optional("caustic-photons", photons);
     let global_nearest = table.optional("global-nearest", count(1, MANY));
     let caustic_nearest = table.optional("caustic-nearest", count(1, MANY));
+    let global_radius = table.optional("global-radius", |value| value.number(&RADIUS).map(|r| r * unit));
+    let caustic_radius = table.optional("caustic-radius", |value| value.number(&RADIUS).map(|r| r * unit));
     let kernel = read_kernel(&mut table);
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
+    let differential_check = table.optional("differential-check", |value| value.boolean());
     let gather_samples = table.optional("gather-samples", count(1, MANY));
     let glossy_samples = table.optional("glossy-samples", count(1, MANY));
     let guide = table.optional("guide", |value| value.choice(GUIDES));
@@ -203,9 +208,12 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         caustic_photons: caustic_photons?,
         global_nearest: global_nearest?,
         caustic_nearest: caustic_nearest?,
+        global_radius: global_radius?,
+        caustic_radius: caustic_radius?,
         kernel: kernel?,
         estimator: estimator?,
         search: search?,
+        differential_check: differential_check?,
         gather_samples: gather_samples?,
         glossy_samples: glossy_samples?,
         guide: guide?,
