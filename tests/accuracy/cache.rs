@@ -42,7 +42,7 @@ fn interpolation_shows_what_gathering_shows() {
     assert!(off < 0.1 && off < 0.5 * noise, "{off} {noise}");
     let (with, without) = (&cached.statistics.counters, &plain.statistics.counters);
     let filling = cached.statistics.cache.unwrap();
-    assert!(with.cache_hits > 50 * with.cache_misses, "{with:?}");
+    assert!(with.cache_hits > 20 * with.cache_misses, "{with:?}");
     assert!(filling.records > 100 && filling.rejected == 0);
     println!("{} records, {} rays", filling.records, filling.counters.gather_rays);
     assert!(plain.statistics.cache.is_none() && without.cache_hits + without.cache_misses == 0);
@@ -151,7 +151,7 @@ fn too_few_photons_are_replaced_by_sampling() {
 #[test]
 fn corners_are_computed_and_faint_paths_looked_up() {
     let stage = Stage::load("cornell-spheres", (32, 32));
-    let truth = stage.shoot(&Overrides { spp: Some(256), ..path() });
+    let truth = stage.shoot(&Overrides { spp: Some(512), ..path() });
     let at = |accurate_distance, approximate_weight| {
         let overrides = Overrides {
             spp: Some(16),
@@ -170,9 +170,10 @@ fn corners_are_computed_and_faint_paths_looked_up() {
     assert_eq!(of(&none), (0, 0));
     assert!(of(&corners).0 > 10_000 && of(&corners).1 == 0);
     assert!(of(&faint).0 == 0 && of(&faint).1 > 200, "{:?}", of(&faint));
+    // Few pixels of the green wall carry the green light, and paths that find the lamp through glass by chance are rare.
     for shot in [&none, &corners, &faint] {
-        assert_close("indirect", shot.mean("indirect"), truth.mean("indirect"), 0.04);
-        assert_close("specular", shot.mean("specular"), truth.mean("specular"), 0.04);
+        assert_close("indirect", shot.mean("indirect"), truth.mean("indirect"), 0.06);
+        assert_close("specular", shot.mean("specular"), truth.mean("specular"), 0.06);
     }
     // Recursion lengthens the paths of image-sampling rays.
     assert!(corners.statistics.mean_path_depth > none.statistics.mean_path_depth);
