@@ -130,7 +130,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let glass = Material::Dielectric { inside: 1, outside: 0, interface: Dielectric::new(1.0, 1.5) };
     let medium = |name: &str, ior| Medium { name: name.to_owned(), ior, absorption: Rgb::ZERO };
     let emitter = EmitterShape::Quad(Quad::new(lamp[0], lamp[1], lamp[2])?);
-    let light = AreaLight::new(vec![emitter], Rgb::new(30.0, 28.0, 25.0), false, false).ok_or("no light")?;
+    let light = AreaLight::new(vec![emitter], Rgb::new(70.0, 66.0, 60.0), false, false).ok_or("no light")?;
     let scene = Scene::new(SceneParts {
         name: "superquadrics".to_owned(),
         embree: builder.commit()?,
