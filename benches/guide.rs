@@ -106,7 +106,7 @@ fn table(name: &str, built: &BuiltScene, kind: IntegratorKind, spp: u32) {
     let guide = DirectionGuide::build(pass.maps.global.as_ref().unwrap(), &params);
     let building = thread_seconds(clock) - start;
     let medium = scene.medium_at(built.camera.eye());
-    let reading = settings.photon_map_settings(scene.bounds().1);
+    let reading = settings.photon_map_settings(scene);
     let mut found = [([0.0; 2], f64::INFINITY); 2];
     for _ in 0..REPEATS {
         for (guided, (variance, seconds)) in found.iter_mut().enumerate() {
