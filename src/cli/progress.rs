@@ -78,4 +78,12 @@ impl Observer for Console {
     fn should_stop(&self) -> bool {
         interrupted() || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
+
+    fn is_cancelled(&self) -> bool {
+        interrupted()
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.deadline
+    }
 }

@@ -100,7 +100,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
             eprintln!("warning: {warning}");
         }
         if stopped == Some(Stop::BeforePixels) {
-            bail!("stopped before the first pixel: nothing was written");
+            write_statistics(args, &statistics)?;
+            eprintln!("stopped before the first pixel: there is no picture");
+            return Ok(ExitCode::from(super::INTERRUPTED));
         }
         let developed = film.develop();
         if developed.clamped > 0 {
@@ -181,13 +183,17 @@ impl Outputs {
         };
         let bytes = tone.to_srgb8(developed.beauty());
         image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?;
-        if let Some(path) = &args.stats {
-            let text = serde_json::to_string_pretty(statistics)?;
-            std::fs::write(path, text + "\n")
-                .with_context(|| format!("{}: cannot be written", path.display()))?;
-        }
-        Ok(())
+        write_statistics(args, statistics)
     }
+}
+
+fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
+    if let Some(path) = &args.stats {
+        let text = serde_json::to_string_pretty(statistics)?;
+        std::fs::write(path, text + "\n")
+            .with_context(|| format!("{}: cannot be written", path.display()))?;
+    }
+    Ok(())
 }
 
 fn check_folder(file: &Path) -> Result<()> {

@@ -1,8 +1,8 @@
 use super::LightSample;
 use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Rgb, unit_f64};
-use crate::sampling::Distribution1D;
-use crate::shapes::EmitterShape;
+use crate::sampling::{Distribution1D, ONE_MINUS_EPSILON};
+use crate::shapes::{EmitterShape, Patch};
 use glam::{DVec3, Vec2, Vec3};
 
 /// A surface that emits the same radiance from every point in every direction on its side.
@@ -31,6 +31,8 @@ pub struct EmissionStart {
     pub normal: Vec3,
     /// One over the density of the start per area (and side).
     pub area_over_pdf: f32,
+    /// On the side away from the light's normal.
+    pub back: bool,
     offset: f32,
 }
 
@@ -77,11 +79,6 @@ impl AreaLight {
         matches!(self.pieces.as_slice(), [EmitterShape::Sphere(_) | EmitterShape::Quad(_)])
     }
 
-    /// A point of the surface.
-    pub fn a_point(&self) -> Vec3 {
-        self.sample_start(Vec2::splat(0.5)).off_surface_towards_normal()
-    }
-
     pub(super) fn sample_li(&self, from: Vec3, u: Vec2) -> Option<LightSample> {
         let (piece, probability, u) = self.choose(u);
         let reference = from.as_dvec3();
@@ -123,16 +120,49 @@ impl AreaLight {
     /// Draws where a photon leaves: uniform over the area, and over the sides where both emit.
     #[inline]
     pub fn sample_start(&self, u: Vec2) -> EmissionStart {
-        let (side, u) = if self.two_sided {
+        let (back, u) = if self.two_sided {
             let doubled = u.x * 2.0;
             (doubled >= 1.0, Vec2::new(doubled.fract(), u.y))
         } else {
             (false, u)
         };
+        self.sample_side(back, u)
+    }
+
+    /// [`Self::sample_start`] on the side of the normal or its `back`. The density, per area and side, is the same.
+    #[inline]
+    pub fn sample_side(&self, back: bool, u: Vec2) -> EmissionStart {
         let (piece, _, u) = self.choose(u);
         let sample = self.pieces[piece].sample_area(u);
-        let normal = if self.flip_normal != side { -sample.normal } else { sample.normal };
-        EmissionStart { area_over_pdf: self.area_over_pdf, ..start_at(sample.position, normal, self.extent) }
+        let normal = if self.flip_normal != back { -sample.normal } else { sample.normal };
+        EmissionStart {
+            area_over_pdf: self.area_over_pdf,
+            back,
+            ..start_at(sample.position, normal, self.extent)
+        }
+    }
+
+    /// A bound on where [`Self::sample_side`] goes for random numbers from `low` to `high`.
+    pub fn patch(&self, back: bool, low: Vec2, high: Vec2) -> Option<Patch> {
+        let high = high.min(Vec2::splat(ONE_MINUS_EPSILON));
+        let ((first, _, from), (last, _, to)) = (self.choose(low), self.choose(high));
+        let patch = if first == last {
+            Some(self.pieces[first].patch(from, to))
+        } else {
+            let whole = |piece: &EmitterShape| piece.patch(Vec2::ZERO, Vec2::ONE);
+            Patch::union(&self.pieces[first..=last].iter().map(whole).collect::<Vec<_>>())
+        };
+        patch.map(|patch| if self.flip_normal != back { patch.flipped() } else { patch })
+    }
+
+    /// Shapes or triangles that it consists of.
+    pub fn piece_count(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Whether both sides emit.
+    pub fn is_two_sided(&self) -> bool {
+        self.two_sided
     }
 
     #[inline]
@@ -142,12 +172,6 @@ impl AreaLight {
         }
         let (piece, probability, rest) = self.choice.sample(u.x);
         (piece, probability, Vec2::new(rest, u.y))
-    }
-}
-
-impl EmissionStart {
-    fn off_surface_towards_normal(&self) -> Vec3 {
-        self.off_surface(self.normal)
     }
 }
 
@@ -161,6 +185,7 @@ fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
         position: rounded,
         normal: n,
         area_over_pdf: 0.0,
+        back: false,
         offset: 2.0 * n.abs().dot(error + rounded.abs() * UNIT_ROUNDOFF),
     }
 }

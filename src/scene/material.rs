@@ -62,10 +62,16 @@ impl Material {
 
     /// True where light is mirrored or refracted: what makes caustics.
     pub fn is_specular(&self) -> bool {
+        self.specularity() > 0.0
+    }
+
+    /// Largest share of the light that is mirrored or refracted: what decides whether a surface casts caustics, and how
+    /// many photons are aimed at it (Jensen & Christensen 1995, section 3).
+    pub fn specularity(&self) -> f32 {
         match self {
-            Self::Lambert { .. } => false,
-            Self::Mirror { reflectance, .. } => reflectance.max_element() > 0.0,
-            Self::Dielectric { .. } => true,
+            Self::Lambert { .. } => 0.0,
+            Self::Mirror { reflectance, .. } => reflectance.max_element(),
+            Self::Dielectric { .. } => 1.0,
         }
     }
 }

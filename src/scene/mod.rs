@@ -10,4 +10,4 @@ pub use material::Material;
 pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan};
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
-pub use world::{Geometry, Mesh, Node, Scene, SceneParts, Surface};
+pub use world::{Geometry, LightNote, Mesh, Node, Scene, SceneParts, Surface, Target};

@@ -21,6 +21,7 @@
 mod cylinder;
 mod disc;
 mod emitter_shape;
+mod patch;
 mod quad;
 mod roots;
 mod sphere;
@@ -32,6 +33,7 @@ mod tests;
 pub use cylinder::Cylinder;
 pub use disc::Disc;
 pub use emitter_shape::EmitterShape;
+pub use patch::Patch;
 pub use quad::{Quad, SMALLEST_SPHERICAL_RECTANGLE};
 pub use sphere::Sphere;
 pub use triangle::Triangle;

@@ -11,6 +11,7 @@ mod enclosures;
 mod extremes;
 mod photon_pass;
 mod pictures;
+mod projection;
 mod refraction;
 mod robust_rays;
 mod support;

@@ -180,6 +180,8 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         spp: spp?,
         global_photons: global_photons?,
         caustic_photons: caustic_photons?,
+        // The memory of a machine is none of a scene's business.
+        photons_memory: None,
         global_nearest: global_nearest?,
         caustic_nearest: caustic_nearest?,
         kernel: kernel?,
