@@ -475,7 +475,7 @@ fn a_signal_during_the_photon_pass() {
         .spawn()
         .unwrap();
     let mut long = Long { child, folder };
-    std::thread::sleep(Duration::from_secs(2));
+    std::thread::sleep(Duration::from_secs(3));
     long.signal("INT");
     let (code, message) = long.wait();
     assert_eq!(code, Some(130), "{message}");

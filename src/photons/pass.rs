@@ -163,7 +163,8 @@ impl Pass<'_> {
             if enough || prepass.stopped {
                 return Some((prepass, per_stored));
             }
-            emitted *= GROWTH;
+            let longest = if prepass.photons.is_empty() { FUTILE } else { u64::MAX };
+            emitted = emitted.saturating_mul(GROWTH).min(longest);
         }
     }
 
