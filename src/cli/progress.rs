@@ -94,4 +94,12 @@ impl Observer for Console {
             || library_failure().is_some()
             || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
+
+    fn is_cancelled(&self) -> bool {
+        interrupted()
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.deadline
+    }
 }

@@ -71,12 +71,40 @@ impl PhotonMap {
         stride: usize,
         domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
     ) -> IrradianceMap {
+        self.precompute_parts(template, params, stride, domain, &|| false)
+    }
+
+    /// [`Self::precompute_irradiance_visible`]; `None` once `stop` says so, which then must go on saying so.
+    pub fn precompute_irradiance_until(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        stride: usize,
+        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<IrradianceMap> {
+        let map = self.precompute_parts(template, params, stride, domain, stop);
+        (!stop()).then_some(map)
+    }
+
+    fn precompute_parts(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        stride: usize,
+        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> IrradianceMap {
         let stride = stride.max(1);
         let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
             .map_init(Scratch::default, |scratch, i| {
                 let photon = self.photon(i * stride);
                 let normal = photon.normal();
+                if stop() {
+                    let irradiance = Rgbe::default();
+                    return IrradiancePoint { position: photon.position, irradiance, normal: 0 };
+                }
                 let query = template.at(photon.position, normal);
                 let irradiance = self
                     .estimate_irradiance_visible(&query, params, scratch, |radius| {

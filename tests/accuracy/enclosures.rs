@@ -336,7 +336,7 @@ fn nested_interfaces() {
     }
     // Photons notice as well.
     let shot = wrong.shoot(&maps);
-    assert!(shot.warns("a photon met an interface in another medium"), "{:?}", shot.statistics.warnings);
+    assert!(shot.warns("photons met an interface in another medium"), "{:?}", shot.statistics.warnings);
     // And a camera inside starts in the medium it is in.
     let inside = furnace("[0.1, 0.2, 0.3]", rho, &shell("glass")).shoot(&path);
     assert_close("inside the liquid", inside.mean("beauty"), grey(1.36 * 1.36), 0.01);

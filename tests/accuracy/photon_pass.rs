@@ -256,11 +256,13 @@ fn light_from_outside() {
         }
         let run = trace(&stage, MapKind::Global, 8_000, 3);
         let of_light = stage.scene().lights()[0].flux(stage.scene().bounds().1);
+        // Parallel light sends fewer photons of more power where there is nothing, so their sum is an estimate.
+        let tolerance = if name == "directional" { 1e-3 } else { 1e-5 };
         assert_close(
             &format!("{name}: emitted"),
             run.emitted,
             of_light.to_array().map(|f| stage.watts(f)),
-            1e-5,
+            tolerance,
         );
     }
 }

@@ -206,6 +206,8 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
         spp: spp?,
         global_photons: global_photons?,
         caustic_photons: caustic_photons?,
+        // The memory of a machine is none of a scene's business.
+        photons_memory: None,
         global_nearest: global_nearest?,
         caustic_nearest: caustic_nearest?,
         global_radius: global_radius?,
