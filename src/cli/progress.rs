@@ -96,7 +96,7 @@ impl Observer for Console {
     }
 
     fn is_cancelled(&self) -> bool {
-        interrupted()
+        interrupted().is_some()
     }
 
     fn deadline(&self) -> Option<Instant> {
