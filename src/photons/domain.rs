@@ -61,17 +61,27 @@ impl KernelDomain {
         let frame = Frame::from_z(normal);
         let mut domain = Self { frame, radius, reach: [radius; FEELERS] };
         let mut free = true;
-        for (feeler, distance) in domain.reach.iter_mut().enumerate() {
+        let mut feel = |feeler: usize| {
             let d = direction(feeler);
             if let Some(found) = reach(frame.x * d.x + frame.y * d.y) {
-                *distance = found.clamp(0.0, radius);
-                free &= *distance >= radius;
+                let distance = found.clamp(0.0, radius);
+                domain.reach[feeler] = distance;
+                free &= distance >= radius;
             }
-        }
+            free
+        };
+        // Every other one first: where all of those are free, what the others could meet is thin or near the rim.
+        let even_are_free = (0..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
+        let free = even_are_free || (1..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
         if free || domain.mean_weight(Kernel::Constant) < SMALLEST_SHARE {
             return None;
         }
         Some(domain)
+    }
+
+    /// How far one can go from the centre in every direction that was felt.
+    pub fn least_reach(&self) -> f32 {
+        self.reach.iter().copied().fold(self.radius, f32::min)
     }
 
     /// True where the point at `offset` from the centre can be seen from it.

@@ -180,7 +180,12 @@ fn fill_cache(
         error: settings.cache_error,
         rays: settings.cache_samples,
     };
-    let pass = integrator.fill_cache(&filling, &|| observer.should_stop(), &|done| observer.advance(done))?;
+    // What the cache lacks is gathered while pixels are rendered, so of a limited time it gets no more than half.
+    let start = Instant::now();
+    let end = observer.deadline().map(|end| start + end.saturating_duration_since(start).mul_f64(0.5));
+    let is_late = || end.is_some_and(|end| Instant::now() >= end);
+    let advance = |done| observer.advance(done);
+    let pass = integrator.fill_cache(&filling, &|| observer.is_cancelled(), &is_late, &advance)?;
     Some(CacheStatistics { records: pass.records, rejected: pass.rejected, counters: pass.counters })
 }
 
