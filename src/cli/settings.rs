@@ -42,6 +42,10 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = count)]
     caustic_photons: Option<u64>,
 
+    /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine: changes noise, not light.
+    #[arg(long, value_name = "BOOL")]
+    aim_photons: Option<bool>,
+
     /// As many photons as fit into this memory, for example 2GB; the maps keep their ratio.
     #[arg(long, value_name = "BYTES", value_parser = bytes, conflicts_with_all = ["photons", "global_photons", "caustic_photons"])]
     photons_memory: Option<u64>,
@@ -253,6 +257,7 @@ impl SettingsArgs {
             spp: self.spp,
             global_photons: self.global_photons.or(self.photons),
             caustic_photons: self.caustic_photons.or(caustic_by_ratio),
+            aim_photons: self.aim_photons,
             photons_memory: self.photons_memory,
             global_nearest: self.global_nearest,
             caustic_nearest: self.caustic_nearest,

@@ -88,7 +88,8 @@ impl<'a> Emitter<'a> {
     /// Light number `index` of `scene` as it shines, aimed at nothing.
     pub fn unaimed(scene: &'a Scene, index: usize) -> Self {
         let (light, bounds) = (&scene.lights()[index], scene.bounds());
-        Self { light, aim: Aim::Everywhere, bounds, importance: light.flux(bounds.1).max_element() }
+        let importance = light.flux(bounds.1).max_element() * f64::from(scene.light_note(index).photons);
+        Self { light, aim: Aim::Everywhere, bounds, importance }
     }
 
     /// How many photons the light is to get, relative to others: its flux towards what it is aimed at, times what the

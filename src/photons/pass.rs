@@ -70,7 +70,7 @@ pub fn trace_photons(
     settings: &TraceSettings,
     progress: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Option<TracedPhotons> {
-    let sources = Sources::new(scene, settings.kind);
+    let sources = Sources::new(scene, settings.kind, settings.aimed);
     if settings.stored == 0 || sources.is_dark() {
         return Some(TracedPhotons {
             photons: Vec::new(),
@@ -115,7 +115,7 @@ fn trace_alone(
     emitted: u64,
     observe: &mut impl FnMut(&Ray),
 ) -> (Vec<Photon>, u64) {
-    let sources = Sources::new(scene, settings.kind);
+    let sources = Sources::new(scene, settings.kind, settings.aimed);
     let shares = sources.shares(emitted);
     let batch = Batch { scene, settings, sources: &sources, stream: Stream::Measure, shares };
     let (mut photons, mut rays) = (Vec::new(), 0);

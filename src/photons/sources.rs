@@ -19,10 +19,15 @@ pub(super) struct Sources<'a> {
 }
 
 impl<'a> Sources<'a> {
-    pub(super) fn new(scene: &'a Scene, kind: MapKind) -> Self {
+    pub(super) fn new(scene: &'a Scene, kind: MapKind, aimed: bool) -> Self {
         let lights = scene.lights();
-        let emitters: Vec<Option<Emitter<'a>>> =
-            (0..lights.len()).into_par_iter().map(|index| Emitter::new(scene, index, kind)).collect();
+        let emitters: Vec<Option<Emitter<'a>>> = (0..lights.len())
+            .into_par_iter()
+            .map(|index| match aimed {
+                true => Emitter::new(scene, index, kind),
+                false => Some(Emitter::unaimed(scene, index)).filter(|emitter| emitter.importance() > 0.0),
+            })
+            .collect();
         let mut divided = Vec::new();
         let mut media = Vec::with_capacity(lights.len());
         for (index, light) in lights.iter().enumerate() {

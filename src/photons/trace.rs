@@ -22,6 +22,8 @@ pub struct TraceSettings {
     pub seed: u64,
     /// Surfaces a photon may meet before it is cut off and counted as truncated.
     pub max_depth: u32,
+    /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine. Changes noise, not light.
+    pub aimed: bool,
 }
 
 /// What became of the photons of one light. Powers are sums over photons; divided by the photons emitted in all, flux.

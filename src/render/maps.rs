@@ -233,6 +233,7 @@ impl MapBuilder<'_> {
             stored: wanted,
             seed: self.settings.seed,
             max_depth: self.settings.max_depth,
+            aimed: self.settings.aim_photons,
         };
         let start = Instant::now();
         let traced = trace_photons(scene, &trace, &|done, total| {
