@@ -36,9 +36,9 @@ pub(super) fn reflected_estimate(
         }
         let Query { position, normal, .. } = *query;
         let felt = Cell::new(0);
-        let domain = KernelDomain::feel(normal, radius, |tangent| {
+        let domain = KernelDomain::feel(normal, radius, |tangent, length| {
             felt.set(felt.get() + 1);
-            scene.surface_reach(position, normal, tangent, radius)
+            scene.surface_reach(position, normal, tangent, length)
         });
         counters.feelers += felt.get();
         domain
@@ -62,5 +62,7 @@ pub(super) fn reflected_estimate(
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.
 pub fn visible_domain(scene: &Scene, position: Vec3, normal: Vec3, radius: f32) -> Option<KernelDomain> {
-    KernelDomain::feel(normal, radius, |tangent| scene.surface_reach(position, normal, tangent, radius))
+    KernelDomain::feel(normal, radius, |tangent, length| {
+        scene.surface_reach(position, normal, tangent, length)
+    })
 }
