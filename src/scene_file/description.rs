@@ -356,6 +356,8 @@ pub enum GeometryDescription {
         cells: u32,
         /// What makes the heights.
         noise: TerrainNoise,
+        /// Two triangles for each cell, smoothly shaded, instead of the bilinear surface itself.
+        triangles: bool,
     },
 }
 
