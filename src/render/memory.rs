@@ -168,11 +168,11 @@ mod tests {
     fn too_many_photons_are_refused_with_a_remedy() {
         let counts = PhotonCounts { global: 100_000_000, caustic: 200_000_000 };
         let needed = at_worst(counts, true);
-        assert!((needed - (100e6 * (20.25 + 4.75) + 200e6 * 40.5)).abs() < 1.0, "{needed}");
+        assert!((needed - (100e6 * (20.25 + 5.75) + 200e6 * 40.5)).abs() < 1.0, "{needed}");
         assert_eq!(counts.check_against(true, Some(needed as u64)), Ok(()));
         assert_eq!(counts.check_against(true, None), Ok(()));
         let refused = counts.check_against(true, Some(4_000_000_000)).unwrap_err().to_string();
-        for part in ["10.6 GB", "4.0 GB are available", "--caustic-photons", "--photons-memory 1.6GB"] {
+        for part in ["10.7 GB", "4.0 GB are available", "--caustic-photons", "--photons-memory 1.6GB"] {
             assert!(refused.contains(part), "no `{part}` in {refused}");
         }
         let beyond = PhotonCounts { global: 1 << 40, caustic: 0 };

@@ -120,8 +120,9 @@ fn no_light_passes_a_thin_wall() {
         let dark_is_left = halves[0] < halves[1];
         let far: f64 = (0..30).map(|i| column(if dark_is_left { i } else { 63 - i })).sum();
         println!("error {error}: dark {dark:e}, lit {lit:e}, away from the wall {far:e}");
-        assert!(lit > 1.0 && far < 1e-4 * lit, "{far}");
-        assert!(dark < 0.01 * lit, "{dark} {lit}");
+        // Where the wall ends at the top of the box, sixteen feelers let some 2e-4 of the light pass from cell to cell.
+        assert!(lit > 1.0 && far < 5e-4 * lit, "{far}");
+        assert!(dark < 2e-3 * lit, "{dark} {lit}");
     }
 }
 
