@@ -41,7 +41,7 @@ fn name_and_value(text: &str) -> Result<(String, String), String> {
 /// More threads than any machine has cores only slow it down, and thousands bring it to a halt.
 const MOST_THREADS: usize = 1024;
 
-fn threads(text: &str) -> Result<usize, String> {
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(threads) if threads <= MOST_THREADS => Ok(threads),
         _ => Err(format!("write a number of threads up to {MOST_THREADS}, or 0 for one for each core")),
