@@ -1,5 +1,6 @@
 //! `cardioid bench bvh`: Embree against hierarchies written in Rust, on a mesh and the rays of its picture.
 
+use super::picture::shorter;
 use super::progress::Console;
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::embree::Device;
@@ -93,13 +94,16 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
 }
 
 fn measure(args: &BvhArgs, mesh: &Path) -> Result<BvhReport> {
+    if !mesh.exists() {
+        bail!("there is no mesh file {}; check its name", mesh.display());
+    }
     let parameters = [("up".to_owned(), args.up.clone())];
     let description = mesh_scene(mesh, &parameters).map_err(|error| anyhow!("{error}"))?;
     let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
     // Square, as are the pixels that rays are recorded for.
-    let built = build_scene(&description, &device, (512, 512))?;
+    let built = build_scene(&description, &device, (512, 512)).map_err(|error| shorter(error, true))?;
     for warning in &built.warnings {
-        eprintln!("warning: {warning}");
+        eprintln!("warning: {}: {}", mesh.display(), warning.message);
     }
     let settings = BvhBenchSettings {
         rays: args.rays,

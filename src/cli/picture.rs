@@ -5,7 +5,7 @@ use cardioid::embree::Device;
 use cardioid::film::PixelRect;
 use cardioid::scene::{Geometry, Scene};
 use cardioid::scene_file::{
-    BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
+    BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
     build_scene, content_hash, is_mesh_file, load_scene, mesh_scene,
 };
 use clap::Args;
@@ -85,6 +85,9 @@ pub(crate) struct Loaded {
 pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
     // The messages of scene files begin with the place, so nothing is put in front of them.
     let is_mesh = is_mesh_file(&args.scene);
+    if is_mesh && !args.scene.exists() {
+        bail!("there is no mesh file {}; check its name", args.scene.display());
+    }
     let description = match (is_mesh, args.up.as_deref()) {
         (true, up) => {
             let up = up.map(|up| ("up".to_owned(), up.to_owned()));
@@ -98,9 +101,12 @@ pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
     let FilmDescription { width, height, .. } = description.film;
     let size = args.resolution.unwrap_or((width, height));
     let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
-    let built = build_scene(&description, &device, size)?;
+    let built = build_scene(&description, &device, size).map_err(|error| shorter(error, is_mesh))?;
     for warning in &built.warnings {
-        eprintln!("warning: {warning}");
+        match is_mesh {
+            true => eprintln!("warning: {}: {}", args.scene.display(), warning.message),
+            false => eprintln!("warning: {warning}"),
+        }
     }
     let is_free = is_mesh && args.up.is_none() && !args.set.iter().any(|(name, _)| name == "up");
     if let Some(note) = is_free.then(|| up_note(&built.scene)).flatten() {
@@ -108,6 +114,11 @@ pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
     }
     let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
     Ok(Loaded { description, built, device, size, hash })
+}
+
+/// Where a mesh comes alone, the place in the scene that the program puts around it says nothing.
+pub(crate) fn shorter(error: BuildError, is_mesh: bool) -> anyhow::Error {
+    if is_mesh { anyhow::Error::new(error.problem) } else { error.into() }
 }
 
 /// A word to who renders a mesh that looks as if it lay on its back: deeper than it is high and wide, as things that stand

@@ -2,7 +2,7 @@
 //! read: they are those of the triangles, as far as they are right.
 //!
 //! A binary file says how many triangles it has, which is compared with its length before memory is taken; memory stays
-//! below eight times that length.
+//! below 16 times that length.
 
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
 use super::mesh_file::{Failure, MeshFileError, MeshPlace, in_file, number, read_bytes, shown, words};

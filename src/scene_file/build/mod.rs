@@ -53,7 +53,11 @@ pub enum BuildProblem {
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
     /// Its mesh cannot be fitted.
-    #[error("{} has no extent that `fit` could scale; is the mesh empty?", .0.display())]
+    #[error(
+        "{}: no triangles with an extent that `fit` could scale: the mesh is empty, damaged, or of points and lines alone; \
+         name one with faces",
+        .0.display()
+    )]
     Fit(PathBuf),
     /// Its triangles.
     #[error(transparent)]

@@ -48,6 +48,21 @@ pub fn read_obj(path: &Path) -> Result<ObjFile, MeshFileError> {
     parse_obj(&read_bytes(path)?).map_err(|failure| in_file(path, failure))
 }
 
+/// The files of materials that an OBJ names; none for other files.
+///
+/// # Errors
+/// Where it cannot be read.
+pub fn material_files(path: &Path) -> std::io::Result<Vec<PathBuf>> {
+    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
+        return Ok(Vec::new());
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let bytes = std::fs::read(path)?;
+    let lines = bytes.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let names = lines.filter(|line| words(line).next() == Some(b"mtllib"));
+    Ok(names.map(|line| folder.join(&*String::from_utf8_lossy(rest(line, b"mtllib")))).collect())
+}
+
 impl ObjFile {
     /// All parts as one mesh.
     pub fn into_mesh(self) -> (TriangleMesh, MeshReport) {
