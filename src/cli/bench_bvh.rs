@@ -76,6 +76,12 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
             bail!("{}: not a mesh by its name, which ends in .ply, .obj or .stl", mesh.display());
         }
     }
+    let mut names: Vec<_> = args.meshes.iter().map(|mesh| mesh.file_stem()).collect();
+    names.sort();
+    if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]).filter(|_| args.output.is_some()) {
+        let name = twice[0].unwrap_or_default().to_string_lossy();
+        bail!("two meshes are named {name}, and their files would be too; measure them one by one");
+    }
     if let Some(folder) = &args.output {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;

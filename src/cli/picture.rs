@@ -81,8 +81,8 @@ pub(crate) struct Loaded {
     pub(crate) hash: String,
 }
 
-/// Reads and builds; warnings go to standard error.
-pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
+/// Reads and builds; warnings go to standard error, after `when_built` was called.
+pub(crate) fn load(args: &SceneArgs, when_built: &dyn Fn()) -> Result<Loaded> {
     // The messages of scene files begin with the place, so nothing is put in front of them.
     let is_mesh = is_mesh_file(&args.scene);
     if is_mesh && !args.scene.exists() {
@@ -101,7 +101,9 @@ pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
     let FilmDescription { width, height, .. } = description.film;
     let size = args.resolution.unwrap_or((width, height));
     let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
-    let built = build_scene(&description, &device, size).map_err(|error| shorter(error, is_mesh))?;
+    let built = build_scene(&description, &device, size);
+    when_built();
+    let built = built.map_err(|error| shorter(error, is_mesh))?;
     for warning in &built.warnings {
         match is_mesh {
             true => eprintln!("warning: {}: {}", args.scene.display(), warning.message),

@@ -27,7 +27,8 @@ impl BvhReport {
             self.runs,
             self.embree
         )?;
-        writeln!(text, "| built by | one thread, s | {} threads, s | bytes a triangle |", self.threads)?;
+        let threads = if self.threads == 1 { "thread" } else { "threads" };
+        writeln!(text, "| built by | 1 thread, s | {} {threads}, s | bytes a triangle |", self.threads)?;
         writeln!(text, "|---|--:|--:|--:|")?;
         for build in &self.builds {
             writeln!(
@@ -40,7 +41,6 @@ impl BvhReport {
             )?;
         }
         write!(text, "\n| million rays a second |")?;
-        let threads = if self.threads == 1 { "thread" } else { "threads" };
         for (kind, _) in &self.rays {
             write!(text, " {kind}, 1 thread | {} {threads} |", self.threads)?;
         }
