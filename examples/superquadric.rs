@@ -13,7 +13,9 @@ use cardioid::lights::{AreaLight, Light};
 use cardioid::math::{Bounds3, Ray, Rgb};
 use cardioid::media::Medium;
 use cardioid::render::{Quality, RenderRequest, Silent, render};
-use cardioid::scene::{Geometry, Material, Mesh, Node, RenderSpace, Scene, SceneParts, Surface};
+use cardioid::scene::{
+    Geometry, LightNote, Material, Mesh, Node, RenderSpace, Scene, SceneParts, Surface, Target,
+};
 use cardioid::shapes::{EmitterShape, Quad};
 use glam::DVec3;
 use std::error::Error;
@@ -146,8 +148,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         lights: vec![Light::Area(light)],
         space: RenderSpace::fitting(DVec3::ZERO, 0.99),
         bounds: (glam::Vec3::ZERO, 1.0),
-        // Where photons of caustics are aimed.
-        casters: vec![(glam::Vec3::new(0.25, -0.2, 0.1), 0.35)],
+        // What photons are aimed at: everything, and those of caustics at the glass alone.
+        targets: vec![
+            Target { center: glam::Vec3::ZERO, radius: 1.0, density: 0.0, surface: 0 },
+            Target { center: glam::Vec3::new(0.25, -0.2, 0.1), radius: 0.35, density: 1.0, surface: 2 },
+        ],
+        light_notes: vec![LightNote { name: "lamp".to_owned(), photons: 1.0 }],
     });
     let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
     let camera =

@@ -504,13 +504,93 @@ fn a_time_limit_stops_with_a_picture() {
     long.assert_written(&message);
 }
 
-/// A limit that pass 1 does not keep leaves no picture, and says so.
+/// A limit that comes during pass 1 leaves half of the time to the pixels, and what that costs is told.
 #[test]
-fn a_time_limit_before_the_first_pixel() {
+fn a_time_limit_during_the_photon_pass() {
     let folder = folder();
     let spheres = spheres();
-    let args = ["render", &spheres, "--photons", "1000000000", "--time-limit", "200ms", "-o", "a.exr"];
-    assert_fails(&folder, &args, 1, &["stopped before the first pixel"]);
+    let mut args = vec!["render", &spheres, "--time-limit", "2s", "--resolution", "24x20", "--spp", "1"];
+    args.extend(["--global-photons", "4000000", "--caustic-photons", "8000000", "--quiet"]);
+    args.extend(["-o", "a.exr", "--stats", "stats.json"]);
+    let start = Instant::now();
+    let output = run(&folder, &args);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(start.elapsed() < Duration::from_secs(40), "{:?}", start.elapsed());
+    assert!(message.contains("of the 8000000 asked for, traced in its share of the time limit"), "{message}");
+    let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
+    let caustic = &stats["maps"][1];
+    assert_eq!((caustic["asked"].as_u64(), caustic["stopped"].as_bool()), (Some(8_000_000), Some(true)));
+    let photons = caustic["photons"].as_u64().unwrap();
+    assert!((1..7_000_000).contains(&photons), "{photons}");
+    assert_eq!(names_in(folder.path()), ["a.exr", "a.png", "stats.json"]);
+}
+
+/// Stopped by hand during pass 1 there is no picture, which is said; the numbers so far are written.
+#[cfg(unix)]
+#[test]
+fn a_signal_during_the_photon_pass() {
+    let folder = folder();
+    let mut args = vec!["--global-photons", "20000000", "-o", "a.exr", "--stats", "stats.json"];
+    let spheres = spheres();
+    args.splice(0..0, ["render", &spheres]);
+    let child = program()
+        .current_dir(folder.path())
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut long = Long { child, folder };
+    std::thread::sleep(Duration::from_secs(3));
+    long.signal("INT");
+    let (code, message) = long.wait();
+    assert_eq!(code, Some(130), "{message}");
+    assert!(message.contains("stopped before the first pixel: there is no picture"), "{message}");
+    assert_eq!(names_in(long.folder.path()), ["stats.json"]);
+}
+
+#[test]
+fn photons_that_do_not_fit_are_refused() {
+    let folder = folder();
+    let spheres = spheres();
+    let args = ["render", &spheres, "--global-photons", "1000000000000", "-o", "a.exr"];
+    assert_fails(&folder, &args, 1, &["1000000000000 photons in the global map", "--global-photons"]);
+    for (memory, part) in [("lots", "500MB"), ("5", "500MB"), ("-1GB", "500MB")] {
+        let memory = format!("--photons-memory={memory}");
+        assert_fails(&folder, &["render", &spheres, &memory], 2, &[part]);
+    }
+    // Two maps of a megabyte together, in the proportion of the preset.
+    let mut args = vec!["render", &spheres, "--photons-memory", "1MB", "--resolution", "24x20", "--spp", "1"];
+    args.extend(["--quiet", "-o", "a.exr", "--stats", "stats.json"]);
+    let output = run(&folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
+    let bytes: u64 = (0..2).map(|map| stats["maps"][map]["bytes"].as_u64().unwrap()).sum();
+    let bytes = bytes + stats["irradiance_bytes"].as_u64().unwrap();
+    assert!(bytes.abs_diff(1_000_000) < 110_000, "{bytes}");
+    let asked = |map: usize| stats["maps"][map]["asked"].as_u64().unwrap();
+    assert!((asked(0) * 5 / 2).abs_diff(asked(1)) <= 5, "{} and {}", asked(0), asked(1));
+}
+
+#[test]
+fn projection_maps_are_drawn() {
+    let folder = folder();
+    let spheres = spheres();
+    let output = run(&folder, &["info", &spheres, "--projection-maps", "."]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let picture = image_io::read(folder.path().join("0-light.png")).unwrap();
+    let data = &picture.layers[0].data;
+    // Orange where the balls are, blue where only walls are.
+    let pixels = data.len() / 3;
+    let orange = data.chunks_exact(3).filter(|pixel| pixel[0] > pixel[2]).count();
+    assert!(orange * 20 > pixels && orange * 2 < pixels, "{orange} of {pixels}");
+    assert_fails(
+        &folder,
+        &["info", &spheres, "--projection-maps", "nowhere"],
+        1,
+        &["nowhere", "make it first"],
+    );
 }
 
 /// A mesh alone is a scene: the same picture as by `scenes/mesh.toml`, whatever the form of the file.

@@ -110,4 +110,12 @@ impl Observer for Console {
             || library_failure().is_some()
             || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
+
+    fn is_cancelled(&self) -> bool {
+        interrupted().is_some()
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.deadline
+    }
 }

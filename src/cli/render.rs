@@ -110,7 +110,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
             return Err(failure.into());
         }
         if stopped == Some(Stop::BeforePixels) {
-            bail!("stopped before the first pixel: nothing was written");
+            write_statistics(args, &statistics)?;
+            eprintln!("stopped before the first pixel: there is no picture");
+            return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
         }
         let developed = film.develop();
         if developed.clamped > 0 {
@@ -221,12 +223,17 @@ impl Outputs {
         };
         let bytes = tone.to_srgb8(developed.beauty());
         image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?;
-        if let Some(path) = &args.stats {
-            let text = serde_json::to_string_pretty(statistics)?;
-            image_io::write_text(path, &(text + "\n"))?;
-        }
-        Ok(())
+        write_statistics(args, statistics)
     }
+}
+
+/// Writes `--stats`, where it is asked for.
+fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
+    if let Some(path) = &args.stats {
+        let text = serde_json::to_string_pretty(statistics)?;
+        image_io::write_text(path, &(text + "\n"))?;
+    }
+    Ok(())
 }
 
 /// What a picture needs to be made again.

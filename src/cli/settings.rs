@@ -42,6 +42,14 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = count)]
     caustic_photons: Option<u64>,
 
+    /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine: changes noise, not light.
+    #[arg(long, value_name = "BOOL")]
+    aim_photons: Option<bool>,
+
+    /// As many photons as fit into this memory, for example 2GB; the maps keep their ratio.
+    #[arg(long, value_name = "BYTES", value_parser = bytes, conflicts_with_all = ["photons", "global_photons", "caustic_photons"])]
+    photons_memory: Option<u64>,
+
     /// Photons in an estimate from the global map. More: smoother, blurred wider, slower.
     #[arg(long, value_name = "N", value_parser = count_from_one)]
     global_nearest: Option<u32>,
@@ -195,6 +203,21 @@ fn radius(text: &str) -> Result<f64, String> {
     }
 }
 
+fn bytes(text: &str) -> Result<u64, String> {
+    let message = || "write a number of bytes with kB, MB or GB, for example 500MB".to_owned();
+    let at = text.find(|c: char| c.is_ascii_alphabetic()).ok_or_else(message)?;
+    let (number, unit) = text.split_at(at);
+    let factor = match unit.to_ascii_lowercase().as_str() {
+        "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        _ => return Err(message()),
+    };
+    let bytes = number.trim().parse::<f64>().map_err(|_| message())? * factor;
+    if (1000.0..1e15).contains(&bytes) { Ok(bytes as u64) } else { Err(message()) }
+}
+
 fn cone_constant(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(k) if k >= 1.0 && k.is_finite() => Ok(k),
@@ -234,6 +257,8 @@ impl SettingsArgs {
             spp: self.spp,
             global_photons: self.global_photons.or(self.photons),
             caustic_photons: self.caustic_photons.or(caustic_by_ratio),
+            aim_photons: self.aim_photons,
+            photons_memory: self.photons_memory,
             global_nearest: self.global_nearest,
             caustic_nearest: self.caustic_nearest,
             global_radius: self.global_radius,

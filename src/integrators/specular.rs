@@ -5,6 +5,7 @@ use crate::bsdf::TransportMode;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::SampleStream;
+pub(super) use crate::sampling::chain_roulette;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 
 /// A path that has met only specular surfaces so far.
@@ -27,21 +28,6 @@ pub(super) struct Branch {
 
 /// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
 pub(super) const SPLIT_DEPTH: u32 = 3;
-
-/// Surfaces after which a chain of specular ones may end: total internal reflection inside a smooth mesh need not end by
-/// itself, and loses nothing on the way.
-const ROULETTE_DEPTH: u32 = 64;
-
-/// Share of the chains that go on at each surface after that.
-const ROULETTE_SURVIVAL: f32 = 0.9;
-
-/// Factor on what a specular chain carries beyond the surface number `depth`; `None` where it ends.
-pub(super) fn chain_roulette(depth: u32, u: impl FnOnce() -> f32) -> Option<f32> {
-    if depth < ROULETTE_DEPTH {
-        return Some(1.0);
-    }
-    (u() < ROULETTE_SURVIVAL).then_some(1.0 / ROULETTE_SURVIVAL)
-}
 
 /// A branch that would carry less than this is not split off but drawn with its probability.
 pub(super) const SMALLEST_SHARE: f32 = 0.02;

@@ -2,7 +2,7 @@ use super::LightSample;
 use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Rgb, unit_f64};
 use crate::sampling::{Distribution1D, ONE_MINUS_EPSILON, refined};
-use crate::shapes::{EmitterShape, Sphere};
+use crate::shapes::{EmitterShape, Patch, Sphere};
 use glam::{DVec3, Vec2, Vec3};
 
 /// A surface that emits the same radiance from every point in every direction on its side.
@@ -31,6 +31,8 @@ pub struct EmissionStart {
     pub normal: Vec3,
     /// One over the density of the start per area (and side).
     pub area_over_pdf: f32,
+    /// On the side away from the light's normal.
+    pub back: bool,
     offset: f32,
 }
 
@@ -100,11 +102,6 @@ impl AreaLight {
         }
     }
 
-    /// A point of the surface.
-    pub fn a_point(&self) -> Vec3 {
-        self.sample_start(Vec2::splat(0.5)).off_surface_towards_normal()
-    }
-
     pub(super) fn sample_li(&self, from: Vec3, u: Vec2) -> Option<LightSample> {
         let (piece, probability, u) = self.choose(u);
         let reference = from.as_dvec3();
@@ -152,17 +149,61 @@ impl AreaLight {
     /// Draws where a photon leaves: uniform over the area, and over the sides where both emit.
     #[inline]
     pub fn sample_start(&self, u: Vec2) -> EmissionStart {
-        let x = if self.is_chosen() { refined(u) } else { f64::from(u.x) };
-        let (side, x) = if self.two_sided {
+        let x = self.refined_x(u);
+        let (back, x) = if self.two_sided {
             let doubled = x * 2.0;
             (doubled >= 1.0, doubled.fract())
         } else {
             (false, x)
         };
+        self.start(back, x, u)
+    }
+
+    /// [`Self::sample_start`] on the side of the normal or its `back`. The density, per area and side, is the same.
+    #[inline]
+    pub fn sample_side(&self, back: bool, u: Vec2) -> EmissionStart {
+        self.start(back, self.refined_x(u), u)
+    }
+
+    /// The first coordinate, with more digits where it has to choose between pieces as well.
+    #[inline]
+    fn refined_x(&self, u: Vec2) -> f64 {
+        if self.is_chosen() { refined(u) } else { f64::from(u.x) }
+    }
+
+    #[inline]
+    fn start(&self, back: bool, x: f64, u: Vec2) -> EmissionStart {
         let (piece, _, u) = self.choose_by(x, u);
         let sample = self.pieces[piece].sample_area(u);
-        let normal = if self.flip_normal != side { -sample.normal } else { sample.normal };
-        EmissionStart { area_over_pdf: self.area_over_pdf, ..start_at(sample.position, normal, self.extent) }
+        let normal = if self.flip_normal != back { -sample.normal } else { sample.normal };
+        EmissionStart {
+            area_over_pdf: self.area_over_pdf,
+            back,
+            ..start_at(sample.position, normal, self.extent)
+        }
+    }
+
+    /// A bound on where [`Self::sample_side`] goes for random numbers from `low` to `high`.
+    pub fn patch(&self, back: bool, low: Vec2, high: Vec2) -> Option<Patch> {
+        let high = high.min(Vec2::splat(ONE_MINUS_EPSILON));
+        let ((first, _, from), (last, _, to)) = (self.choose(low), self.choose(high));
+        let patch = if first == last {
+            Some(self.pieces[first].patch(from, to))
+        } else {
+            let whole = |piece: &EmitterShape| piece.patch(Vec2::ZERO, Vec2::ONE);
+            Patch::union(&self.pieces[first..=last].iter().map(whole).collect::<Vec<_>>())
+        };
+        patch.map(|patch| if self.flip_normal != back { patch.flipped() } else { patch })
+    }
+
+    /// Shapes or triangles that it consists of.
+    pub fn piece_count(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Whether both sides emit.
+    pub fn is_two_sided(&self) -> bool {
+        self.two_sided
     }
 
     /// A piece, its probability, and the point with what the choice left of its first coordinate.
@@ -188,12 +229,6 @@ impl AreaLight {
     }
 }
 
-impl EmissionStart {
-    fn off_surface_towards_normal(&self) -> Vec3 {
-        self.off_surface(self.normal)
-    }
-}
-
 /// A point computed in `f64` on the light, with the bound of [`crate::embree::SurfacePoint`] on its rounding.
 #[inline]
 fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
@@ -204,6 +239,7 @@ fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
         position: rounded,
         normal: n,
         area_over_pdf: 0.0,
+        back: false,
         offset: 2.0 * n.abs().dot(error + rounded.abs() * UNIT_ROUNDOFF),
     }
 }

@@ -100,10 +100,15 @@ impl<const L: usize> KdTree<L> {
     ///
     /// The tree is a function of the set of points: neither their order nor the number of threads matters.
     pub(super) fn build<P: Point>(points: &mut [P]) -> Self {
+        Self::build_until(points, &|| false)
+    }
+
+    /// [`Self::build`], given up once `stop` says so: the tree is then of no use.
+    pub(super) fn build_until<P: Point>(points: &mut [P], stop: &(dyn Fn() -> bool + Sync)) -> Self {
         let count = points.len().div_ceil(L);
         let mut nodes = vec![Node::default(); count.saturating_sub(1)];
         let extent = Extent::of(points);
-        split::<P, L>(points, extent, &mut nodes);
+        split::<P, L>(points, extent, &mut nodes, stop);
         let blocks = points.par_chunks(L).with_min_len(256).map(block_of).collect();
         Self { nodes, blocks, len: points.len() }
     }
@@ -188,8 +193,16 @@ impl<const L: usize> KdTree<L> {
 /// it, as in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of the
 /// wall into cells that overlap, and searches would start in the wrong one. Then the next widest side is tried, and
 /// where all three are tied, the order by all that points have decides.
-fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut [Node]) {
+fn split<P: Point, const L: usize>(
+    points: &mut [P],
+    extent: Extent,
+    nodes: &mut [Node],
+    stop: &(dyn Fn() -> bool + Sync),
+) {
     let count = nodes.len() + 1;
+    if count * L > PARALLEL_LENGTH && stop() {
+        return;
+    }
     if count == 1 {
         points.sort_unstable_by(everything);
         return;
@@ -215,8 +228,8 @@ fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut
     let (low_nodes, rest) = nodes.split_at_mut(left - 1);
     let (node, high_nodes) = rest.split_at_mut(1);
     node[0] = Node { split, axis: axis as u32 };
-    let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes);
-    let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes);
+    let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes, stop);
+    let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes, stop);
     if count * L > PARALLEL_LENGTH {
         rayon::join(split_low, split_high);
     } else {

@@ -192,14 +192,24 @@ impl PhotonMap {
     ///
     /// # Panics
     /// With 2^32 photons or more, which would take 86 GB.
-    pub fn build(mut photons: Vec<Photon>, emitted: u64) -> Self {
+    pub fn build(photons: Vec<Photon>, emitted: u64) -> Self {
+        Self::build_parts(photons, emitted, &|| false)
+    }
+
+    /// [`Self::build`]; `None` once `stop` says so, which then must go on saying so.
+    pub fn build_until(photons: Vec<Photon>, emitted: u64, stop: &(dyn Fn() -> bool + Sync)) -> Option<Self> {
+        let map = Self::build_parts(photons, emitted, stop);
+        (!stop()).then_some(map)
+    }
+
+    fn build_parts(mut photons: Vec<Photon>, emitted: u64, stop: &(dyn Fn() -> bool + Sync)) -> Self {
         let given = photons.len();
         if !photons.par_iter().with_min_len(4096).all(|photon| photon.position.is_finite()) {
             photons.retain(|photon| photon.position.is_finite());
         }
         assert!(u32::try_from(photons.len() + LEAF).is_ok(), "a photon map holds less than 2^32 photons");
         let dropped = (given - photons.len()) as u64;
-        let tree = KdTree::build(&mut photons);
+        let tree = KdTree::build_until(&mut photons, stop);
         let payloads = photons.par_iter().with_min_len(4096).map(Photon::payload).collect();
         Self { tree, payloads, emitted, dropped }
     }

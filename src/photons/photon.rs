@@ -87,6 +87,12 @@ impl Photon {
         }
     }
 
+    /// The same photon with `factor` times the power, rounded by `dither` as in [`Self::new`].
+    #[must_use]
+    pub fn scaled(self, factor: f32, dither: f32) -> Self {
+        Self { power: Rgbe::encode_dithered(self.power.decode() * factor, dither), ..self }
+    }
+
     /// Unnormalised flux, in watts.
     #[inline]
     pub fn power(&self) -> Rgb {

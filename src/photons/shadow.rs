@@ -1,7 +1,7 @@
 //! Direct and shadow photons: rays from the lights through the whole scene, which store where light arrives and where
 //! something is in its way (Jensen & Christensen 1995; Jensen 1996, section 3).
 
-use super::emission::{Aim, emit};
+use super::emission::Emitter;
 use super::shadow_decision::{DecisionMap, ShadowDecision};
 use super::{Photon, PhotonClass, PhotonMap, Query, Scratch};
 use crate::lights::LightId;
@@ -89,7 +89,11 @@ fn trace_range(
     crossings: &mut Crossings,
 ) -> TracedShadows {
     let mut found = TracedShadows::default();
-    let Some(source) = scene.lights().get(light as usize) else { return found };
+    if light as usize >= scene.lights().len() {
+        return found;
+    }
+    // Not aimed: decisions count photons, which must come from all of the light alike.
+    let emitter = Emitter::unaimed(scene, light as usize);
     let seed = mix(seed ^ mix(u64::from(light)));
     for index in first..end {
         found.tally.rays += 1;
@@ -97,7 +101,7 @@ fn trace_range(
         let mut rng = Rng::new(seed, Stream::ShadowPhotons, index);
         let (place, heading) = (rng.next_2d(), rng.next_2d());
         let u = [place.x, place.y, heading.x, heading.y];
-        let Some(start) = emit(source, Aim::Scene(scene.bounds()), u) else { continue };
+        let Some(start) = emitter.emit(u) else { continue };
         scene.intersect_all(&start.ray, crossings);
         let tally = &mut found.tally;
         tally.missed += u64::from(crossings.hits().is_empty());

@@ -1,6 +1,7 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
 use super::maps::{PassOne, build_maps, is_worth_a_warning};
+use super::memory::MemoryError;
 use super::observer::Observer;
 use super::settings::{Settings, Show};
 use super::stats::{CacheStatistics, Statistics, Times};
@@ -63,6 +64,9 @@ pub enum RenderError {
     /// The filter.
     #[error(transparent)]
     Filter(#[from] FilterError),
+    /// The photon maps.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// No samples.
     #[error("0 samples per pixel give no picture; --spp must be at least 1")]
     NoSamples,
@@ -94,10 +98,11 @@ pub fn render(
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
-    let Some(pass_one) = build_maps(scene, &plan, settings, observer) else {
-        let statistics = statistics(scene, settings, plan, PassOne::default());
+    let pass_one = build_maps(scene, &plan, settings, observer)?;
+    if pass_one.cancelled {
+        let statistics = statistics(scene, settings, plan, pass_one);
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
-    };
+    }
     let mut start = Instant::now();
     let mut seconds_cache = 0.0;
     let mut cache = None;
@@ -175,7 +180,12 @@ fn fill_cache(
         error: settings.cache_error,
         rays: settings.cache_samples,
     };
-    let pass = integrator.fill_cache(&filling, &|| observer.should_stop(), &|done| observer.advance(done))?;
+    // What the cache lacks is gathered while pixels are rendered, so of a limited time it gets no more than half.
+    let start = Instant::now();
+    let end = observer.deadline().map(|end| start + end.saturating_duration_since(start).mul_f64(0.5));
+    let is_late = || end.is_some_and(|end| Instant::now() >= end);
+    let advance = |done| observer.advance(done);
+    let pass = integrator.fill_cache(&filling, &|| observer.is_cancelled(), &is_late, &advance)?;
     Some(CacheStatistics { records: pass.records, rejected: pass.rejected, counters: pass.counters })
 }
 

@@ -47,6 +47,10 @@ pub struct Overrides {
     pub global_photons: Option<u64>,
     /// Photons to store in the caustic map.
     pub caustic_photons: Option<u64>,
+    /// Whether photons are aimed by projection maps.
+    pub aim_photons: Option<bool>,
+    /// Bytes of memory for the photons of all maps, which then sets their counts.
+    pub photons_memory: Option<u64>,
     /// Photons in an estimate from the global map.
     pub global_nearest: Option<u32>,
     /// Photons in an estimate from the caustic map.
@@ -106,6 +110,8 @@ impl Overrides {
             spp: self.spp.or(below.spp),
             global_photons: self.global_photons.or(below.global_photons),
             caustic_photons: self.caustic_photons.or(below.caustic_photons),
+            aim_photons: self.aim_photons.or(below.aim_photons),
+            photons_memory: self.photons_memory.or(below.photons_memory),
             global_nearest: self.global_nearest.or(below.global_nearest),
             caustic_nearest: self.caustic_nearest.or(below.caustic_nearest),
             // A count asked for here goes over a radius asked for below.
@@ -156,6 +162,10 @@ pub struct Settings {
     pub global_photons: u64,
     /// Photons to store in the caustic map.
     pub caustic_photons: u64,
+    /// Whether photons are aimed by projection maps.
+    pub aim_photons: bool,
+    /// Bytes of memory for the finished maps: as many photons as fit, in the proportion of the two counts.
+    pub photons_memory: Option<u64>,
     /// Photons in an estimate from the global map.
     pub global_nearest: u32,
     /// Photons in an estimate from the caustic map.
@@ -237,6 +247,8 @@ impl Quality {
             spp,
             global_photons,
             caustic_photons,
+            aim_photons: true,
+            photons_memory: None,
             global_nearest: 80,
             caustic_nearest,
             global_radius: None,
@@ -277,6 +289,8 @@ impl From<&Overrides> for Settings {
             spp: asked.spp.unwrap_or(preset.spp),
             global_photons: asked.global_photons.unwrap_or(preset.global_photons),
             caustic_photons: asked.caustic_photons.unwrap_or(preset.caustic_photons),
+            aim_photons: asked.aim_photons.unwrap_or(preset.aim_photons),
+            photons_memory: asked.photons_memory.or(preset.photons_memory),
             global_nearest: asked.global_nearest.unwrap_or(preset.global_nearest),
             caustic_nearest: asked.caustic_nearest.unwrap_or(preset.caustic_nearest),
             global_radius: asked.global_radius.or(preset.global_radius),

@@ -30,7 +30,7 @@ pub struct PhotonStatistics {
     pub missed: u64,
     /// Photons cut off at the depth limit.
     pub truncated: u64,
-    /// Interfaces met in another medium than they state.
+    /// Photons that met an interface in another medium than it states.
     pub medium_mismatches: u64,
     /// Flux that left the light towards the aim.
     pub flux_emitted: [f64; 3],
@@ -47,6 +47,10 @@ pub struct PhotonStatistics {
 pub struct MapStatistics {
     /// Which map.
     pub map: MapKind,
+    /// Photons asked for.
+    pub asked: u64,
+    /// Whether tracing was stopped before all photons were emitted.
+    pub stopped: bool,
     /// Photons stored.
     pub photons: u64,
     /// Photons emitted.

@@ -1,3 +1,5 @@
+use glam::Vec2;
+
 /// A piecewise-constant distribution over the indices of a table of non-negative weights.
 #[derive(Clone, Debug)]
 pub struct Distribution1D {
@@ -61,6 +63,41 @@ impl Distribution1D {
     }
 }
 
+/// A piecewise-constant distribution over the unit square, on cells of equal size.
+#[derive(Clone, Debug)]
+pub struct Distribution2D {
+    /// Over columns.
+    marginal: Distribution1D,
+    /// By column, over rows; `None` for columns without weight.
+    conditional: Vec<Option<Distribution1D>>,
+}
+
+impl Distribution2D {
+    /// A distribution proportional to the `weights` of cells, column after column of `rows` each; `None` as for
+    /// [`Distribution1D::new`].
+    pub fn new(weights: &[f64], rows: usize) -> Option<Self> {
+        let columns = weights.chunks_exact(rows);
+        let marginal = Distribution1D::new(columns.clone().map(|column| column.iter().sum()))?;
+        let conditional = columns.map(|column| Distribution1D::new(column.iter().copied())).collect();
+        Some(Self { marginal, conditional })
+    }
+
+    /// A cell (column and row) with probability proportional to its weight; its probability; and what is left of `u`,
+    /// again uniform over the unit square. Keeps the stratification of `u` in both coordinates.
+    #[inline]
+    pub fn sample(&self, u: Vec2) -> ((usize, usize), f32, Vec2) {
+        let (column, p, x) = self.marginal.sample(f64::from(u.x));
+        match &self.conditional[column] {
+            Some(rows) => {
+                let (row, q, y) = rows.sample(f64::from(u.y));
+                ((column, row), p * q, Vec2::new(x, y))
+            }
+            // Never: a column without weight is not chosen.
+            None => ((column, 0), 0.0, Vec2::new(x, u.y)),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,5 +157,22 @@ mod tests {
         assert!(Distribution1D::new([1.0, f64::NAN]).is_none());
         assert!(Distribution1D::new([1.0, -1.0]).is_none());
         assert!(Distribution1D::new([f64::INFINITY]).is_none());
+    }
+
+    #[test]
+    fn frequencies_match_weights_in_the_plane() {
+        let weights = [1.0, 0.0, 3.0, 0.0, 0.0, 0.0, 2.0, 2.0, 0.0];
+        let distribution = Distribution2D::new(&weights, 3).unwrap();
+        let n = 400;
+        let mut counts = [0; 9];
+        for i in 0..n * n {
+            let u = Vec2::new((i % n) as f32 + 0.5, (i / n) as f32 + 0.5) / n as f32;
+            let ((column, row), probability, rest) = distribution.sample(u);
+            assert!((rest.cmpge(Vec2::ZERO) & rest.cmplt(Vec2::ONE)).all());
+            assert!((f64::from(probability) - weights[3 * column + row] / 8.0).abs() < 1e-7);
+            counts[3 * column + row] += 1;
+        }
+        assert_eq!(counts, weights.map(|weight| (weight / 8.0 * f64::from(n * n)) as i32));
+        assert!(Distribution2D::new(&[0.0; 4], 2).is_none());
     }
 }

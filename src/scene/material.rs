@@ -136,7 +136,19 @@ impl Material {
 
     /// True where light is mirrored or refracted, ideally or highly glossy: what makes caustics.
     pub fn is_specular(&self) -> bool {
+        self.specularity() > 0.0
+    }
+
+    /// Largest share of the light that is mirrored or refracted, ideally or highly glossy, near normal incidence: what
+    /// decides whether a surface casts caustics, and how many photons are aimed at it (Jensen & Christensen 1995,
+    /// section 3).
+    pub fn specularity(&self) -> f32 {
         let bsdf = self.front_bsdf();
-        bsdf.has_specular() || bsdf.has_glossy()
+        if !(bsdf.has_specular() || bsdf.has_glossy()) {
+            return 0.0;
+        }
+        let [_, glossy, specular] = bsdf.lobe_weights(glam::Vec3::Z);
+        // A lobe that is there and reflects next to nothing at this incidence still casts.
+        (glossy + specular).clamp(1e-3, 1.0)
     }
 }

@@ -84,6 +84,29 @@ pub enum Node {
     },
 }
 
+/// A sphere around a surface, as projection maps see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Centre.
+    pub center: Vec3,
+    /// Radius, with room for the rounding of the surface.
+    pub radius: f32,
+    /// How dense caustic photons are to be in the directions of this surface: its specularity times what the scene file
+    /// asks for. Zero for what casts no caustics.
+    pub density: f32,
+    /// Index into [`Scene::surfaces`].
+    pub surface: u32,
+}
+
+/// What is known of a light beside what it emits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightNote {
+    /// Name in the scene file, for messages.
+    pub name: String,
+    /// Photons in proportion to other lights of the same flux; positive.
+    pub photons: f32,
+}
+
 /// Everything a scene is made of.
 #[derive(Debug)]
 pub struct SceneParts {
@@ -107,14 +130,18 @@ pub struct SceneParts {
     pub space: RenderSpace,
     /// Bounds of all surfaces in render space: centre and radius.
     pub bounds: (Vec3, f32),
-    /// Spheres around each specular surface in render space: where caustic photons are aimed.
-    pub casters: Vec<(Vec3, f32)>,
+    /// Spheres around the surfaces in render space: what photons are aimed at.
+    pub targets: Vec<Target>,
+    /// By light: name in the scene file, and photons in proportion to others of the same flux.
+    pub light_notes: Vec<LightNote>,
 }
 
 /// An immutable scene.
 #[derive(Debug)]
 pub struct Scene {
     parts: SceneParts,
+    /// Those of the targets that cast caustics.
+    casters: Vec<Target>,
     /// Lights by their flux; `None` where there is no light.
     light_power: Option<Distribution1D>,
     environment: Option<LightId>,
@@ -128,7 +155,8 @@ impl Scene {
         let light_power = Distribution1D::new(flux);
         let environment =
             parts.lights.iter().position(|light| light.is_environment()).map(|index| index as LightId);
-        Self { parts, light_power, environment }
+        let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
+        Self { parts, casters, light_power, environment }
     }
 
     /// Name of the scene.
@@ -194,14 +222,33 @@ impl Scene {
         self.parts.bounds
     }
 
-    /// Spheres around the specular surfaces, render space.
-    pub fn casters(&self) -> &[(Vec3, f32)] {
-        &self.parts.casters
+    /// Spheres around all surfaces, render space; one for each place where an instance puts one.
+    pub fn targets(&self) -> &[Target] {
+        &self.parts.targets
+    }
+
+    /// Those of them that cast caustics.
+    pub fn casters(&self) -> &[Target] {
+        &self.casters
+    }
+
+    /// Name of a light in the scene file, and how many photons it is to get.
+    pub fn light_note(&self, light: usize) -> &LightNote {
+        &self.parts.light_notes[light]
     }
 
     /// True where point or parallel lights shine on specular surfaces: light that only photons find.
     pub fn has_hidden_caustics(&self) -> bool {
-        !self.parts.casters.is_empty() && self.parts.lights.iter().any(Light::is_delta)
+        !self.casters.is_empty() && self.parts.lights.iter().any(Light::is_delta)
+    }
+
+    /// The surface that Embree hit: index into [`Self::surfaces`].
+    #[inline]
+    pub fn surface_of(&self, hit: &RawHit) -> u32 {
+        match &self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize] {
+            Node::Surface(index) => *index,
+            Node::Instance { first, .. } => first + hit.geometry,
+        }
     }
 
     /// The Embree scene, for benchmarks that trace bare rays.
@@ -403,20 +450,32 @@ impl Scene {
     /// The medium at `point`, by asking rays in many directions which side of an interface they meet first: the
     /// majority decides. Air where no ray meets an interface.
     pub fn medium_at(&self, point: Vec3) -> MediumId {
+        self.medium_around(&[(point, Vec3::ZERO)]).0
+    }
+
+    /// [`Self::medium_at`] by the votes of all `points`, each by rays on the side of its normal where that is not zero; and
+    /// whether more than a quarter of the votes that were cast are for other media.
+    pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (MediumId, bool) {
         const RAYS: u32 = 32;
         let sequence = Sobol::new(0x006d_6564_6975_6d00);
         let mut votes = vec![0u32; self.parts.media.len()];
-        for index in 0..RAYS {
-            let direction = warp::square_to_sphere(sequence.sample_2d(0, index));
-            if let Some(medium) = self.first_interface(Ray::new(point, direction)) {
-                votes[medium as usize] += 1;
+        for &(point, normal) in points {
+            for index in 0..RAYS {
+                let direction = warp::square_to_sphere(sequence.sample_2d(0, index));
+                let below = direction.dot(normal).min(0.0);
+                let direction = direction - normal * (2.0 * below);
+                if let Some(medium) = self.first_interface(Ray::new(point, direction)) {
+                    votes[medium as usize] += 1;
+                }
             }
         }
         let best = votes.iter().copied().max().unwrap_or(0);
         if best == 0 {
-            return AIR;
+            return (AIR, false);
         }
-        votes.iter().position(|&n| n == best).map_or(AIR, |index| index as MediumId)
+        let all: u32 = votes.iter().sum();
+        let medium = votes.iter().position(|&n| n == best).map_or(AIR, |index| index as MediumId);
+        (medium, 4 * (all - best) > all)
     }
 
     /// The medium on this side of the first interface along `ray`; opaque surfaces do not bound media and are passed.

@@ -89,6 +89,8 @@ pub struct SceneDescription {
     pub instances: Vec<Named<InstanceDescription>>,
     /// Lights without a surface.
     pub lights: Vec<Named<LightDescription>>,
+    /// By light: photons in proportion to other lights of the same flux.
+    pub light_photons: Vec<f64>,
     /// What the reader noticed that is legal but probably not meant.
     pub warnings: Vec<SceneWarning>,
 }
@@ -234,6 +236,8 @@ pub struct EmissionDescription {
     pub radiance: DVec3,
     /// Whether both sides emit; otherwise only the side of the normal.
     pub two_sided: bool,
+    /// Photons in proportion to other lights of the same flux.
+    pub photons: f64,
 }
 
 /// A shape and what it is made of.
@@ -249,6 +253,8 @@ pub struct ShapeDescription {
     pub flip_normal: bool,
     /// Index into [`SceneDescription::materials`].
     pub material: usize,
+    /// Caustic photons in the directions of this shape, in proportion to other shapes of the same material.
+    pub caustic_photons: f64,
     /// Emission, if any.
     pub emission: Option<EmissionDescription>,
     /// Index into [`SceneDescription::groups`], or `None` for a shape that is in the picture as it is.
@@ -362,6 +368,8 @@ pub enum GeometryDescription {
         cells: u32,
         /// What makes the heights.
         noise: TerrainNoise,
+        /// Two triangles for each cell, smoothly shaded, instead of the bilinear surface itself.
+        triangles: bool,
     },
 }
 

@@ -1,6 +1,6 @@
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
     positive_radius, seen_from, solid_angle_density, tangents,
 };
 use crate::embree::{ObjectHit, Procedural, SurfacePoint};
@@ -60,6 +60,13 @@ impl Cylinder {
         let normal = self.x * c + self.y * s;
         let position = self.base + (f64::from(u.y) * self.height) * self.axis + self.radius * normal;
         AreaSample { position, normal, pdf_area: (1.0 / self.area()) as f32 }
+    }
+
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
+        let spread = TAU * half.x;
+        let across = 2.0 * self.radius * (0.5 * spread).sin();
+        Patch::around(middle, across.hypot(half.y * self.height), spread)
     }
 
     /// A point uniform over the area, with its density per solid angle. Half of the points face away from a

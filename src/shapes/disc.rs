@@ -1,12 +1,12 @@
 use super::roots::accept;
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
     positive_radius, seen_from, solid_angle_density, tangents,
 };
 use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
-use crate::sampling::warp::square_to_disc;
-use glam::{DVec3, Vec2};
+use crate::sampling::warp::{DISC_STRETCH, square_to_disc};
+use glam::{DVec2, DVec3, Vec2};
 use std::f64::consts::{PI, TAU};
 
 /// A flat disc. Surface parameters: `u` is the azimuth over `2 pi`, `v` the distance from the centre over the
@@ -55,6 +55,11 @@ impl Disc {
         let d = self.radius * d / d.length().max(1.0);
         let position = self.center + d.x * self.x + d.y * self.y;
         AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area()) as f32 }
+    }
+
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
+        Patch::around(middle, (DISC_STRETCH * half.length()).min(2.0) * self.radius, 0.0)
     }
 
     /// A point uniform over the area, with its density per solid angle.

@@ -1,12 +1,12 @@
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
     positive_radius, tangents,
 };
 use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec3, Vec2};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// A sphere; normal outward. Surface parameters: `u` is the azimuth around the y axis over `2 pi`, from +x
 /// counter-clockwise as seen from above; `v` the angle from +y over `pi`.
@@ -47,6 +47,18 @@ impl Sphere {
         let normal = unit_sphere(u);
         let pdf_area = (1.0 / self.area()) as f32;
         AreaSample { position: self.center + self.radius * normal, normal, pdf_area }
+    }
+
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, low: Vec2, high: Vec2) -> Patch {
+        let middle = self.sample_area(0.5 * (low + high));
+        let wide = PI * f64::from(high.y - low.y) > FRAC_PI_2;
+        // On a rectangle of latitudes and longitudes the farthest point from the middle is a corner, up to a quarter
+        // turn to both sides: the cosine of the angle is then, in latitude, a hump.
+        let corners = [low, high, Vec2::new(low.x, high.y), Vec2::new(high.x, low.y)];
+        let angle = |u: Vec2| self.sample_area(u).normal.angle_between(middle.normal);
+        let spread = if wide { PI } else { corners.into_iter().map(angle).fold(0.0, f64::max) + 1e-7 };
+        Patch::around(&middle, 2.0 * self.radius * (0.5 * spread).sin(), spread)
     }
 
     /// `1 - cos` of the half angle of the cone in which `reference` sees the sphere; `None` from inside.

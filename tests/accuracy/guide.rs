@@ -52,7 +52,7 @@ impl Guided {
                 PathTracer::new(scene, self.settings.max_depth, medium).guided_by(self.maps.guide.as_ref()),
             ),
             _ => {
-                let reading = self.settings.photon_map_settings(scene.bounds().1);
+                let reading = self.settings.photon_map_settings(scene);
                 Box::new(PhotonMapIntegrator::new(scene, &self.maps, &self.plan, reading, medium))
             }
         };

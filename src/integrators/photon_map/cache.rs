@@ -82,12 +82,13 @@ impl Batch {
 }
 
 impl PhotonMapIntegrator<'_> {
-    /// Fills the irradiance cache, which the pictures are then rendered from. The same for any number of threads. `None`
-    /// where `should_stop` said so.
+    /// Fills the irradiance cache, which the pictures are then rendered from. The same for any number of threads, unless
+    /// `is_late` ends it early: then with the records that there are. `None` where it `is_cancelled`.
     pub fn fill_cache(
         &mut self,
         request: &CacheRequest<'_>,
-        should_stop: &(dyn Fn() -> bool + Sync),
+        is_cancelled: &(dyn Fn() -> bool + Sync),
+        is_late: &(dyn Fn() -> bool + Sync),
         advance: &dyn Fn(u64),
     ) -> Option<CachePass> {
         let (width, height) = request.size;
@@ -98,6 +99,7 @@ impl PhotonMapIntegrator<'_> {
         if !self.has_photons() {
             return Some(pass);
         }
+        let should_stop = || is_cancelled() || is_late();
         for batch in batches() {
             let across = u64::from(width.div_ceil(batch.step));
             let grid = across * u64::from(height.div_ceil(batch.step));
@@ -133,7 +135,7 @@ impl PhotonMapIntegrator<'_> {
                     (record, std::mem::take(&mut scratch.counters))
                 })
                 .collect();
-            if should_stop() {
+            if is_cancelled() {
                 return None;
             }
             pass.counters += computed.iter().fold(Counters::default(), |mut sum, &(_, counters)| {
@@ -142,6 +144,9 @@ impl PhotonMapIntegrator<'_> {
             });
             filling.accept(computed.into_iter().filter_map(|(record, _)| record));
             advance(done);
+            if is_late() {
+                break;
+            }
         }
         pass.rejected = filling.rejected();
         let cache = filling.finish();

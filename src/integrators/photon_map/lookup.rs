@@ -4,9 +4,10 @@ use super::PhotonMapSettings;
 use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::Scratch;
 use crate::math::Rgb;
-use crate::photons::{Estimate, EstimateParams, FEELERS, KernelDomain, PhotonMap, Query};
+use crate::photons::{Estimate, EstimateParams, KernelDomain, PhotonMap, Query};
 use crate::scene::{Scene, Shading};
 use glam::Vec3;
+use std::cell::Cell;
 use std::f32::consts::FRAC_1_PI;
 
 /// Radiance that the diffuse lobe of a surface reflects of the photons in a map.
@@ -33,8 +34,14 @@ pub(super) fn reflected_estimate(
         if !reading.visible_kernel {
             return None;
         }
-        counters.feelers += FEELERS as u64;
-        visible_domain(scene, query.position, query.normal, radius)
+        let Query { position, normal, .. } = *query;
+        let felt = Cell::new(0);
+        let domain = KernelDomain::feel(normal, radius, |tangent, length| {
+            felt.set(felt.get() + 1);
+            scene.surface_reach(position, normal, tangent, length)
+        });
+        counters.feelers += felt.get();
+        domain
     };
     let visited = photons.visited();
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
@@ -55,5 +62,7 @@ pub(super) fn reflected_estimate(
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.
 pub fn visible_domain(scene: &Scene, position: Vec3, normal: Vec3, radius: f32) -> Option<KernelDomain> {
-    KernelDomain::feel(normal, radius, |tangent| scene.surface_reach(position, normal, tangent, radius))
+    KernelDomain::feel(normal, radius, |tangent, length| {
+        scene.surface_reach(position, normal, tangent, length)
+    })
 }

@@ -94,7 +94,7 @@ pub fn record_rays(scene: &Scene, camera: &Camera, count: usize, seed: u64) -> V
             break;
         }
     }
-    let settings = TraceSettings { kind: MapKind::Global, stored: 0, seed, max_depth: 1000 };
+    let settings = TraceSettings { kind: MapKind::Global, stored: 0, seed, max_depth: 1000, aimed: true };
     // As many photons as make that many rays, so that all lights are among them in the order of tracing.
     let first = record_photon_rays(scene, &settings, count as u64);
     let emitted = (count as f64).powi(2) / first.len().max(1) as f64;

@@ -16,7 +16,8 @@ use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointL
 use crate::math::{Bounds3, unit_f64};
 use crate::media::Medium;
 use crate::scene::{
-    Bump, Geometry, Material, MaterialTexture, Node, Placement, RenderSpace, Scene, SceneParts, Surface,
+    Bump, Geometry, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace, Scene, SceneParts,
+    Surface, Target,
 };
 use crate::shapes::{EmitterShape, ShapeError};
 use glam::{DAffine3, DVec3};
@@ -137,7 +138,7 @@ pub fn build_scene(
     let radius = space.length(bounds.radius()) as f32;
     let flux = assembly.flux(description, &space, f64::from(radius));
     let space = space.with_flux(flux);
-    let lights = assembly.lights(description, &space)?;
+    let (lights, light_notes) = assembly.lights(description, &space)?.into_iter().unzip();
     builder.warnings.extend(assembly.warnings);
     let mut surfaces = assembly.surfaces;
     for (id, emitter) in assembly.emitters.iter().enumerate() {
@@ -154,7 +155,8 @@ pub fn build_scene(
         lights,
         space,
         bounds: (space.position(bounds.center()).as_vec3(), radius),
-        casters: casters(assembly.casters),
+        targets: assembly.targets,
+        light_notes,
     });
     Ok(BuiltScene { scene, camera, warnings: builder.warnings })
 }
@@ -168,6 +170,8 @@ struct Builder<'a> {
     description: &'a SceneDescription,
     /// By shape: what was read, and its placement in the world or its group.
     sources: Vec<(Source, DAffine3)>,
+    /// By material.
+    specularities: Vec<f32>,
     warnings: Vec<SceneWarning>,
 }
 
@@ -187,7 +191,7 @@ struct Assembly {
     nodes: Vec<Node>,
     surfaces: Vec<Surface>,
     emitters: Vec<Emitter>,
-    casters: Vec<(DVec3, f64)>,
+    targets: Vec<Target>,
     warnings: Vec<SceneWarning>,
 }
 
@@ -213,7 +217,9 @@ impl<'a> Builder<'a> {
             }
             sources.push((source, transform));
         }
-        Ok(Self { description, sources, warnings })
+        let specularities =
+            materials(description).iter().map(|(_, material)| material.specularity()).collect();
+        Ok(Self { description, sources, specularities, warnings })
     }
 
     /// Each placement of each shape: its index, and from its own space to the world. Shapes of groups come once for
@@ -367,8 +373,8 @@ impl<'a> Builder<'a> {
         if let Some(emission) = shape.value.emission.filter(|_| !placed.emitter.is_empty()) {
             assembly.emitters.push(Emitter { shape: index, surface, pieces: placed.emitter, emission, flip });
         }
-        if self.is_caster(index) && !placed.bounds.is_empty() {
-            assembly.casters.push(placed.sphere);
+        if !placed.bounds.is_empty() {
+            assembly.targets.push(self.target(index, placed.sphere, surface));
         }
         assembly.nodes.push(Node::Surface(surface as u32));
         assembly.surfaces.push(self.surface(index, placed.geometry, flip));
@@ -399,9 +405,10 @@ impl<'a> Builder<'a> {
         let placement =
             Placement::new(*total * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
         top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
-        if self.is_caster(index) {
-            let bounds = source.bounds(total);
-            assembly.casters.push((bounds.center(), bounds.radius()));
+        let bounds = source.bounds(total);
+        if !bounds.is_empty() {
+            let target = self.target(index, (bounds.center(), bounds.radius()), first as usize);
+            assembly.targets.push(target);
         }
         assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
         Ok(())
@@ -450,10 +457,13 @@ impl<'a> Builder<'a> {
                 let placement =
                     Placement::new(world * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
                 top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
-                for &index in members.iter().filter(|&&index| self.is_caster(index)) {
+                for (number, &index) in members.iter().enumerate() {
                     let (source, transform) = &self.sources[index];
                     let bounds = source.bounds(&(world * *transform));
-                    assembly.casters.push((bounds.center(), bounds.radius()));
+                    if !bounds.is_empty() {
+                        let sphere = (bounds.center(), bounds.radius());
+                        assembly.targets.push(self.target(index, sphere, first as usize + number));
+                    }
                 }
                 assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
             }
@@ -484,13 +494,19 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn is_caster(&self, index: usize) -> bool {
+    /// The `sphere` around shape `index` as what photons are aimed at. What casts caustics is up to the materials.
+    fn target(&self, index: usize, (center, radius): (DVec3, f64), surface: usize) -> Target {
+        let shape = &self.description.shapes[index].value;
         let parts = self.part_materials(index).into_iter().map(|material| material as usize);
-        let own = self.description.shapes[index].value.material;
-        let is_specular = |material: usize| {
-            material_of(self.description, &self.description.materials[material].value).is_specular()
-        };
-        parts.chain([own]).any(is_specular)
+        let specularity =
+            parts.chain([shape.material]).map(|material| self.specularities[material]).fold(0.0, f32::max);
+        Target {
+            center: center.as_vec3(),
+            // Rounding of centre and radius must not let the shape out.
+            radius: (radius * (1.0 + 1e-5) + 1e-7 * center.length()) as f32,
+            density: specularity * shape.caustic_photons as f32,
+            surface: surface as u32,
+        }
     }
 }
 
@@ -517,14 +533,25 @@ impl Assembly {
     }
 
     /// One light for each emitter, in their order, then those without a surface.
-    fn lights(&self, description: &SceneDescription, space: &RenderSpace) -> Result<Vec<Light>, BuildError> {
+    fn lights(
+        &self,
+        description: &SceneDescription,
+        space: &RenderSpace,
+    ) -> Result<Vec<(Light, LightNote)>, BuildError> {
         let scaled = |colour: DVec3| (colour * space.power).as_vec3();
         let areas = self.emitters.iter().map(|emitter| {
             let radiance = scaled(emitter.emission.radiance);
+            let note = LightNote {
+                name: self.surfaces[emitter.surface].name.clone(),
+                photons: emitter.emission.photons as f32,
+            };
             AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip)
-                .map(Light::Area)
+                .map(|light| (Light::Area(light), note))
                 .ok_or_else(|| error_of(&description.shapes[emitter.shape], BuildProblem::EmitterArea))
         });
+        let notes = description.lights.iter().zip(&description.light_photons);
+        let notes =
+            notes.map(|(light, &photons)| LightNote { name: light.name.clone(), photons: photons as f32 });
         let others = description.lights.iter().map(|light| match &light.value {
             LightDescription::Point { position, intensity } => Light::Point(PointLight {
                 position: space.position(*position).as_vec3(),
@@ -538,7 +565,7 @@ impl Assembly {
                 Light::Environment(EnvironmentLight { radiance: scaled(*radiance) })
             }
         });
-        areas.chain(others.map(Ok)).collect()
+        areas.chain(others.zip(notes).map(Ok)).collect()
     }
 }
 
@@ -602,23 +629,6 @@ fn media(description: &SceneDescription, space: &RenderSpace) -> Vec<Medium> {
         absorption: (medium.value.absorption / space.scale).as_vec3(),
     };
     description.media.iter().map(medium).collect()
-}
-
-/// More casters than this are aimed at as one.
-const MOST_CASTERS: usize = 16;
-
-fn casters(spheres: Vec<(DVec3, f64)>) -> Vec<(glam::Vec3, f32)> {
-    // Rounding of centre and radius must not let the shape out.
-    let rounded = |(center, radius): (DVec3, f64)| (center.as_vec3(), (radius * (1.0 + 1e-5)) as f32);
-    if spheres.len() <= MOST_CASTERS {
-        return spheres.into_iter().map(rounded).collect();
-    }
-    let bounds = spheres.iter().fold(Bounds3::EMPTY, |bounds, (center, radius)| {
-        bounds.with_point(*center - *radius).with_point(*center + *radius)
-    });
-    let center = bounds.center();
-    let radius = spheres.iter().map(|(c, r)| (*c - center).length() + r).fold(0.0, f64::max);
-    vec![rounded((center, radius))]
 }
 
 /// A camera that looks at the whole scene from above and in front.

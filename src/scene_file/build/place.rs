@@ -4,10 +4,9 @@ use super::BuildProblem;
 use crate::embree::{Procedural, TriangleBuffers};
 use crate::math::{Bounds3, unit_f64};
 use crate::scene::{Geometry, Mesh};
-use crate::scene_file::GeometryDescription;
 use crate::scene_file::description::MeshNormals;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh};
-use crate::scene_file::read_mesh_file;
+use crate::scene_file::{GeometryDescription, generate, read_mesh_file};
 use crate::shapes::{
     Csg, Cylinder, Disc, EmitterShape, HeightGrid, Quad, Sphere, SphereFlake, Terrain, Triangle,
 };
@@ -109,12 +108,16 @@ impl Source {
                 let (x, y) = axis.any_orthonormal_pair();
                 Self::SphereFlake { center, radius, frame: DMat3::from_cols(x, y, axis), depth }
             }
-            &GeometryDescription::Terrain { center, size, cells, ref noise } => {
+            &GeometryDescription::Terrain { center, size, cells, ref noise, triangles } => {
                 let grid = Arc::new(HeightGrid::from_noise(cells, noise)?);
                 let scale = size / DVec3::new(f64::from(cells), 1.0, f64::from(cells));
                 let corner = center - 0.5 * size.with_y(0.0);
                 let transform = DAffine3::from_translation(corner) * DAffine3::from_scale(scale);
-                Self::Terrain { grid, transform }
+                if triangles {
+                    Self::Mesh(generate::mesh_of_heights(&grid, &transform))
+                } else {
+                    Self::Terrain { grid, transform }
+                }
             }
         };
         Ok((source, before, report))

@@ -1,8 +1,10 @@
 //! Meshes that a scene file describes by what they are made from, rather than by their triangles.
 
+mod heights;
 mod lathe;
 mod teapot;
 
+pub use heights::mesh_of_heights;
 pub use lathe::{Curve, Lathe};
 pub use teapot::Teapot;
 

@@ -161,7 +161,7 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
         materials.push(materials::implied_material(context));
     }
     let instances = shapes::read_instances(sections(&mut table, "instances"), &shapes.group_names, unit);
-    let lights = lights::read_lights(sections(&mut table, "lights"), unit);
+    let (lights, light_photons) = lights::read_lights(sections(&mut table, "lights"), unit);
     table.finish();
     texture_names.warn_unused(context, "is used by no material");
     shapes.group_names.warn_unused(context, "is placed by no `[[instances]]`, so it is not in the picture");
@@ -182,6 +182,7 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
         groups: shapes.groups,
         instances,
         lights,
+        light_photons,
         warnings: Vec::new(),
     })
 }

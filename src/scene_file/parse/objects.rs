@@ -184,6 +184,7 @@ pub(super) fn read_terrain(table: &mut Table<'_>) -> Option<GeometryDescription>
     let octaves = table.or("octaves", 8, |value| value.integer(1..=20));
     let seed = table.or("seed", 0, |value| value.integer(0..=u64::from(u32::MAX)));
     let ridges = table.or("ridges", false, |value| value.boolean());
+    let triangles = table.or("triangles", false, |value| value.boolean());
     let noise = TerrainNoise {
         features: features?,
         octaves: u32::try_from(octaves?).ok()?,
@@ -191,7 +192,7 @@ pub(super) fn read_terrain(table: &mut Table<'_>) -> Option<GeometryDescription>
         ridges: ridges?,
     };
     let cells = u32::try_from(cells?).ok()?;
-    Some(GeometryDescription::Terrain { center: center?, size: size?, cells, noise })
+    Some(GeometryDescription::Terrain { center: center?, size: size?, cells, noise, triangles: triangles? })
 }
 
 #[cfg(test)]

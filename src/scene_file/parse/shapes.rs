@@ -8,7 +8,7 @@ use super::transform::{in_metres, is_similarity, transform_of};
 use crate::scene_file::description::*;
 use crate::scene_file::is_mesh_file;
 use crate::scene_file::mesh::{is_degenerate, triangulate_polygon};
-use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, Table, Value};
+use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, SHARE, Table, Value};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
 
@@ -105,6 +105,7 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
     };
     let transform = transform_of(&mut table);
     let flip_normal = table.or("flip-normal", false, |value| value.boolean());
+    let caustic_photons = table.or("caustic-photons", 1.0, |value| value.number(&SHARE));
     let emission = table.optional("emission", read_emission);
     // An emitter need not reflect anything, so only it may do without a material.
     let material = match (table.get("material"), &emission) {
@@ -134,6 +135,7 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         transform: DAffine3::from_scale(DVec3::splat(unit)) * transform?,
         flip_normal: flip_normal?,
         material: material?,
+        caustic_photons: caustic_photons?,
         emission: emission?,
         group: None,
     })
@@ -144,8 +146,9 @@ fn read_emission(value: Value<'_>) -> Option<EmissionDescription> {
         value.table("`emission`", "write for example `emission = { radiance = [10.0, 9.0, 8.0] }`")?;
     let radiance = table.required("radiance", "[10.0, 9.0, 8.0]", |value| value.colour(&NON_NEGATIVE));
     let two_sided = table.or("two-sided", false, |value| value.boolean());
+    let photons = table.or("photons", 1.0, |value| value.number(&SHARE));
     table.finish();
-    Some(EmissionDescription { radiance: radiance?, two_sided: two_sided? })
+    Some(EmissionDescription { radiance: radiance?, two_sided: two_sided?, photons: photons? })
 }
 
 pub(super) fn read_point(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {

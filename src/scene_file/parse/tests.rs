@@ -228,6 +228,25 @@ fn a_file_that_says_everything() {
 }
 
 #[test]
+fn shares_of_photons() {
+    let text = format!(
+        "[camera]\neye = [0.1, 0.7, 3.3]\nat = [0, 0, 0.3]\n{WHITE}{BALL}caustic-photons = 3.0\n\
+         emission = {{ radiance = 1.0, photons = 0.5 }}\n\
+         [[lights]]\ntype = \"point\"\nposition = [0, 1, 0]\npower = 1.0\nphotons = 2.0\n"
+    );
+    let scene = parse(&text).unwrap();
+    let ball = &scene.shapes[0].value;
+    assert_eq!((ball.caustic_photons, ball.emission.unwrap().photons), (3.0, 0.5));
+    assert_eq!(scene.light_photons, [2.0]);
+    for (from, to) in
+        [("photons = 2.0", "photons = 0.0"), ("photons = 0.5", "photons = -1"), ("= 3.0", "= 1e7")]
+    {
+        let refused = parse(&text.replace(from, to)).unwrap_err().to_string();
+        assert!(refused.contains("a number from 1e-6 to 1e6"), "{refused}");
+    }
+}
+
+#[test]
 fn a_unit_that_is_a_power_of_two_keeps_every_bit() {
     let text = |unit: f64| {
         format!(

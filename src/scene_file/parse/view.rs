@@ -180,6 +180,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
     let kernel = read_kernel(&mut table);
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
+    let aim_photons = table.optional("aim-photons", |value| value.boolean());
     let differential_check = table.optional("differential-check", |value| value.boolean());
     let gather_samples = table.optional("gather-samples", count(1, MANY));
     let glossy_samples = table.optional("glossy-samples", count(1, MANY));
@@ -206,6 +207,8 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
         spp: spp?,
         global_photons: global_photons?,
         caustic_photons: caustic_photons?,
+        // The memory of a machine is none of a scene's business.
+        photons_memory: None,
         global_nearest: global_nearest?,
         caustic_nearest: caustic_nearest?,
         global_radius: global_radius?,
@@ -213,6 +216,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
         kernel: kernel?,
         estimator: estimator?,
         search: search?,
+        aim_photons: aim_photons?,
         differential_check: differential_check?,
         gather_samples: gather_samples?,
         glossy_samples: glossy_samples?,
