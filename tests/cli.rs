@@ -171,7 +171,9 @@ fn wrong_scenes() {
         )
     };
     // A lamp that rounding leaves nothing of is an error; one that loses a part, a warning.
-    fs::write(folder.path().join("lost.toml"), emitter("[[3, 4, 5]]")).unwrap();
+    // Something finer has the origin of render space, which would else go to the lamp.
+    let finer = "[[shapes]]\ntype = \"sphere\"\nradius = 1e-12\nmaterial = \"m\"\n";
+    fs::write(folder.path().join("lost.toml"), emitter("[[3, 4, 5]]") + finer).unwrap();
     assert_fails(&folder, &["info", "lost.toml"], 1, &["lost.toml:1:", "lamp", "none of its 1 triangle"]);
     fs::write(folder.path().join("part.toml"), emitter("[[0, 1, 2], [3, 4, 5]]")).unwrap();
     let output = run(&folder, &["info", "part.toml"]);
