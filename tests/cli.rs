@@ -171,7 +171,9 @@ fn wrong_scenes() {
         )
     };
     // A lamp that rounding leaves nothing of is an error; one that loses a part, a warning.
-    fs::write(folder.path().join("lost.toml"), emitter("[[3, 4, 5]]")).unwrap();
+    // Something finer has the origin of render space, which would else go to the lamp.
+    let finer = "[[shapes]]\ntype = \"sphere\"\nradius = 1e-12\nmaterial = \"m\"\n";
+    fs::write(folder.path().join("lost.toml"), emitter("[[3, 4, 5]]") + finer).unwrap();
     assert_fails(&folder, &["info", "lost.toml"], 1, &["lost.toml:1:", "lamp", "none of its 1 triangle"]);
     fs::write(folder.path().join("part.toml"), emitter("[[0, 1, 2], [3, 4, 5]]")).unwrap();
     let output = run(&folder, &["info", "part.toml"]);
@@ -591,6 +593,70 @@ fn projection_maps_are_drawn() {
         1,
         &["nowhere", "make it first"],
     );
+}
+
+/// A mesh alone is a scene: the same picture as by `scenes/mesh.toml`, whatever the form of the file.
+#[test]
+fn a_mesh_alone_renders() {
+    let folder = folder();
+    let knot = scene("meshes/knot.ply").display().to_string();
+    let mesh_scene = scene("mesh.toml").display().to_string();
+    let ok = |args: &[&str]| {
+        let output = run(&folder, args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", stderr(&output));
+        stderr(&output)
+    };
+    ok(&render_args(&knot, &["-o", "alone.exr"]));
+    ok(&render_args(&mesh_scene, &["--set", &format!("mesh={knot}"), "-o", "scene.exr"]));
+    let beauty =
+        |name: &str| image_io::read(folder.path().join(name)).unwrap().layer("").unwrap().data.clone();
+    assert_eq!(beauty("alone.exr"), beauty("scene.exr"));
+
+    // A tower along z, red by its materials; and what is wrong with files beside it.
+    let tower = "mtllib tower.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 3\nusemtl red\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    fs::write(folder.path().join("tower.obj"), tower).unwrap();
+    fs::write(folder.path().join("tower.mtl"), "newmtl red\nKd 0.9 0 0\n").unwrap();
+    let told = ok(&render_args("tower.obj", &["-o", "lying.exr"]));
+    assert!(told.contains("--up z"), "{told}");
+    let told = ok(&render_args("tower.obj", &["-o", "standing.exr", "--up", "z"]));
+    assert_eq!(told, "");
+    assert_ne!(beauty("lying.exr"), beauty("standing.exr"));
+    let albedo =
+        image_io::read(folder.path().join("standing.exr")).unwrap().layer("albedo").unwrap().data.clone();
+    assert!(albedo.chunks(3).any(|rgb| rgb[0] > 0.85 && rgb[1] == 0.0 && rgb[2] == 0.0));
+    ok(&render_args("tower.obj", &["-o", "clay.exr", "--up", "z", "--set", "materials=one"]));
+    let albedo =
+        image_io::read(folder.path().join("clay.exr")).unwrap().layer("albedo").unwrap().data.clone();
+    assert!(!albedo.chunks(3).any(|rgb| rgb[0] > 0.85));
+
+    fs::remove_file(folder.path().join("tower.mtl")).unwrap();
+    let told = ok(&render_args("tower.obj", &["-o", "bare.exr", "--up", "z"]));
+    assert!(told.contains("tower.mtl") && told.contains("`red`"), "{told}");
+    fs::write(folder.path().join("broken.obj"), "v 0 0 0\nf 1 2 3\n").unwrap();
+    assert_fails(
+        &folder,
+        &render_args("broken.obj", &[]),
+        1,
+        &["broken.obj:2: 2 is not one of the 1 vertices"],
+    );
+    fs::write(folder.path().join("empty.stl"), "solid e\nendsolid e\n").unwrap();
+    assert_fails(&folder, &render_args("empty.stl", &[]), 1, &["empty.stl: no triangles"]);
+    assert_fails(&folder, &render_args("gone.stl", &[]), 1, &["no mesh file", "gone.stl"]);
+    let spheres = spheres();
+    assert_fails(&folder, &render_args(&spheres, &["--up", "z"]), 1, &["--up is for a mesh alone"]);
+}
+
+#[test]
+fn bench_bvh_writes_a_table_and_a_plot() {
+    let folder = folder();
+    let knot = scene("meshes/knot.ply").display().to_string();
+    let args = ["bench", "bvh", &knot, "--rays", "1000", "--runs", "1", "--check", "50", "-o", "out"];
+    let output = run(&folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stdout(&output).contains("| Embree, robust |"), "{}", stdout(&output));
+    assert_plain(&stdout(&output));
+    assert_eq!(names_in(&folder.path().join("out")), ["knot.json", "knot.md", "knot.svg"]);
+    assert_fails(&folder, &["bench", "bvh", "a.toml"], 1, &["a.toml", ".ply, .obj or .stl"]);
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub(crate) struct InfoArgs {
 }
 
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
-    let loaded = load(&args.scene)?;
+    let loaded = load(&args.scene, &|| ())?;
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
     let plan = settings.plan(scene);

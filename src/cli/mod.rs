@@ -1,5 +1,6 @@
 //! The subcommands, one file each; the only users of clap and anyhow.
 
+mod bench_bvh;
 mod compare;
 mod info;
 mod picture;
@@ -31,6 +32,7 @@ enum Command {
     Render(render::RenderArgs),
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
+    Bench(bench_bvh::BenchArgs),
 }
 
 /// Runs the program. Its exit codes are listed in [`EXIT_CODES`].
@@ -39,6 +41,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Bench(args) => bench_bvh::run(&args),
     };
     outcome.unwrap_or_else(|error| {
         // A pipe that the reader closed is no error: `cardioid info scene | head`.

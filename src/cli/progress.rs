@@ -59,6 +59,22 @@ impl Console {
         }
     }
 
+    /// Shows that something is under way whose length is not known, and for how long.
+    pub(crate) fn busy(&self, what: &str) {
+        if !self.visible {
+            return;
+        }
+        let style = ProgressStyle::with_template("{msg} {spinner} {elapsed}")
+            .unwrap_or_else(|_| ProgressStyle::default_spinner());
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10))
+            .with_style(style)
+            .with_message(what.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(200));
+        let mut current = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        current.finish_and_clear();
+        *current = bar;
+    }
+
     /// Removes the bar.
     pub(crate) fn finish(&self) {
         self.bar.lock().unwrap_or_else(PoisonError::into_inner).finish_and_clear();

@@ -90,7 +90,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     let outputs = Outputs::new(args)?;
     let console = Console::new(args.quiet, args.time_limit);
     pool.install(|| {
-        let loaded = load(&args.scene)?;
+        console.busy("reading and building the scene");
+        let loaded = load(&args.scene, &|| console.finish());
+        // Where it was not even read.
+        console.finish();
+        let loaded = loaded?;
         // Only now: Embree's threads ask the loader for something too, and would have to wait for this.
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();

@@ -12,6 +12,7 @@
 mod all_hits;
 mod callbacks;
 mod device;
+mod packets;
 mod procedural;
 mod scene;
 mod triangles;

@@ -316,6 +316,10 @@ impl CommittedScene {
                 .sum::<u64>()
     }
 
+    pub(super) fn handle(&self) -> sys::RTCScene {
+        self.handle.0
+    }
+
     /// The device that built it.
     pub fn device(&self) -> &Arc<Device> {
         &self.device

@@ -2,6 +2,7 @@
 //! the place in the file it came from.
 
 use super::generate::Generator;
+use super::mesh::TriangleMesh;
 use crate::bsdf::Bsdf;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
@@ -274,12 +275,14 @@ pub enum MeshNormals {
 /// Geometry in the shape's own space (metres once the transform, which includes the file's unit, is applied).
 #[derive(Clone, Debug)]
 pub enum GeometryDescription {
-    /// Triangles from a PLY file, read when the scene is built.
+    /// Triangles from a PLY, OBJ or STL file, read when the scene is built.
     MeshFile {
         /// The file, already resolved against the scene file's folder.
         path: PathBuf,
         /// Shading normals.
         normals: MeshNormals,
+        /// Whether faces have the materials of the file (an OBJ's MTL), where it has them.
+        own_materials: bool,
         /// Placement of a mesh whose size is not known beforehand; comes before the shape's transform.
         fit: Option<FitDescription>,
     },
@@ -291,6 +294,15 @@ pub enum GeometryDescription {
         triangles: Vec<[u32; 3]>,
         /// Shading normals.
         normals: MeshNormals,
+    },
+    /// Triangles that were read already.
+    Loaded {
+        /// The mesh.
+        mesh: Arc<TriangleMesh>,
+        /// Shading normals.
+        normals: MeshNormals,
+        /// What a fit made of it; comes before the shape's transform.
+        before: DAffine3,
     },
     /// Triangles made when the scene is built.
     Generated(Generator),

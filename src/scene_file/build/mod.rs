@@ -1,5 +1,6 @@
 //! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
 
+mod own_materials;
 mod place;
 
 use self::place::{Placed, Source};
@@ -7,7 +8,7 @@ use super::description::{
     CameraDescription, EmissionDescription, GeometryDescription, LightDescription, Location,
     MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
-use super::ply::PlyError;
+use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
 use crate::camera::Camera;
 use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
@@ -51,9 +52,13 @@ pub struct BuildError {
 pub enum BuildProblem {
     /// Its mesh file.
     #[error(transparent)]
-    Ply(PlyError),
+    MeshFile(#[from] MeshFileError),
     /// Its mesh cannot be fitted.
-    #[error("{} has no extent that `fit` could scale; is the mesh empty?", .0.display())]
+    #[error(
+        "{}: no triangles with an extent that `fit` could scale: the mesh is empty, damaged, or of points and lines alone; \
+         name one with faces",
+        .0.display()
+    )]
     Fit(PathBuf),
     /// Its triangles.
     #[error(transparent)]
@@ -119,6 +124,8 @@ pub fn build_scene(
     device: &Arc<Device>,
     (width, height): (u32, u32),
 ) -> Result<BuiltScene, BuildError> {
+    let taken_apart = own_materials::take_apart(description)?;
+    let description = taken_apart.as_ref().unwrap_or(description);
     let mut builder = Builder::read(description)?;
     let bounds = builder.world_bounds();
     if !(bounds.is_empty() || bounds.center().is_finite() && bounds.radius().is_finite()) {

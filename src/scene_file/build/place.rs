@@ -6,8 +6,7 @@ use crate::math::{Bounds3, unit_f64};
 use crate::scene::{Geometry, Mesh};
 use crate::scene_file::description::MeshNormals;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh};
-use crate::scene_file::ply::read_ply;
-use crate::scene_file::{GeometryDescription, generate};
+use crate::scene_file::{GeometryDescription, generate, read_mesh_file};
 use crate::shapes::{
     Csg, Cylinder, Disc, EmitterShape, HeightGrid, Quad, Sphere, SphereFlake, Terrain, Triangle,
 };
@@ -76,13 +75,19 @@ impl Source {
         let mut before = DAffine3::IDENTITY;
         let mut report = MeshReport::default();
         let source = match description {
-            GeometryDescription::MeshFile { path, normals, fit } => {
-                let (mut mesh, found) = read_ply(path).map_err(BuildProblem::Ply)?;
+            GeometryDescription::MeshFile { path, normals, fit, .. } => {
+                let (mut mesh, found) = read_mesh_file(path)?;
                 report = found;
                 choose_normals(&mut mesh, *normals);
                 if let Some(fit) = fit {
                     before = fit.transform(&mesh.bounds()).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
                 }
+                Self::Mesh(mesh)
+            }
+            GeometryDescription::Loaded { mesh, normals, before: fitted } => {
+                let mut mesh = TriangleMesh::clone(mesh);
+                choose_normals(&mut mesh, *normals);
+                before = *fitted;
                 Self::Mesh(mesh)
             }
             GeometryDescription::Mesh { positions, triangles, normals } => {

@@ -6,6 +6,7 @@ use super::objects::{Body, read_csg, read_flake, read_solid, read_terrain};
 use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
 use crate::scene_file::description::*;
+use crate::scene_file::is_mesh_file;
 use crate::scene_file::mesh::{is_degenerate, triangulate_polygon};
 use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, SHARE, Table, Value};
 use glam::{DAffine3, DVec3};
@@ -208,7 +209,14 @@ fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
         let path = table.required("file", "", read_mesh_path);
         let normals = table.or("normals", MeshNormals::FromFile, |value| value.choice(&kinds));
         let fit = table.optional("fit", read_fit);
-        return Some(GeometryDescription::MeshFile { path: path?, normals: normals?, fit: fit? });
+        let own = [("one", false), ("file", true)];
+        let own_materials = table.or("materials", false, |value| value.choice(&own));
+        return Some(GeometryDescription::MeshFile {
+            path: path?,
+            normals: normals?,
+            own_materials: own_materials?,
+            fit: fit?,
+        });
     }
     if table.get("vertices").is_none() {
         return table.refuse(
@@ -228,7 +236,6 @@ fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
 /// Path of a mesh file, which must exist and be of a kind that can be read.
 fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
     let path = value.path()?;
-    let is_ply = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
     let shown = path.display();
     let context = value.context();
     if !path.exists() {
@@ -242,13 +249,14 @@ fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
         return None;
     }
     if !path.is_file() {
-        let remedy = "name a PLY file";
+        let remedy = "name a mesh file: .ply, .obj or .stl";
         context.error(&value.span(), format!("{shown} is a folder or not a regular file"), remedy);
         return None;
     }
-    if !is_ply {
-        let remedy = "convert it to PLY; the name of the file must end in `.ply`";
-        context.error(&value.span(), format!("{shown} is not a PLY file by its name"), remedy);
+    if !is_mesh_file(&path) {
+        let remedy =
+            "convert it to PLY, OBJ or STL; the name of the file must end in `.ply`, `.obj` or `.stl`";
+        context.error(&value.span(), format!("{shown} is no mesh by its name"), remedy);
         return None;
     }
     Some(path)

@@ -592,7 +592,10 @@ fn paths_are_relative_to_the_file_or_to_the_current_directory() {
     let message = path_of(&text("."), &[]).unwrap_err().to_string();
     assert!(message.contains("is a folder"), "{message}");
     let message = path_of(&text("${mesh}"), &[set("mesh", "Cargo.toml")]).unwrap_err().to_string();
-    assert!(message.contains("Cargo.toml is not a PLY file") && message.contains("convert"), "{message}");
+    assert!(
+        message.contains("Cargo.toml is no mesh by its name") && message.contains("convert"),
+        "{message}"
+    );
 }
 
 #[test]
