@@ -3,7 +3,7 @@
 SCENE := scenes/cornell-spheres.toml
 PICTURE := out/cornell-spheres.exr
 
-.PHONY: demo test bench check fmt clippy doc setup
+.PHONY: demo test bench peers results check fmt clippy doc setup
 
 # Renders a scene, in a minute or so.
 demo: setup
@@ -17,6 +17,17 @@ test: setup
 
 bench: setup
 	cargo bench
+
+# Our seconds and errors on the reference scenes, beside POV-Ray's where it is installed (apt install povray).
+peers: setup
+	cargo build --release
+	benches/peers/run.sh
+
+# All tables of docs/results.md, anew.
+results: setup
+	cargo build --release
+	benches/results.sh >docs/results.md.new
+	mv docs/results.md.new docs/results.md
 
 check: fmt clippy doc
 

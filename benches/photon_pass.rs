@@ -27,7 +27,7 @@ fn load(scene: &str, mesh: Option<&str>) -> BuiltScene {
 }
 
 fn settings() -> TraceSettings {
-    TraceSettings { kind: MapKind::Global, stored: 0, seed: 1, max_depth: 1000 }
+    TraceSettings { kind: MapKind::Global, stored: 0, seed: 1, max_depth: 1000, aimed: true }
 }
 
 /// Median times of two works that take turns, so that whatever else the machine does troubles both.

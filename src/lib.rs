@@ -1,10 +1,11 @@
 //! Photon mapping on Embree.
 //!
 //! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`]; `embree`, `image_io`,
-//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `integrators`;
+//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
 pub mod bsdf;
+pub mod caches;
 pub mod camera;
 pub mod embree;
 pub mod film;
@@ -20,3 +21,4 @@ pub mod sampling;
 pub mod scene;
 pub mod scene_file;
 pub mod shapes;
+pub mod textures;

@@ -103,6 +103,8 @@ fn wrong_command_lines() {
         (["--no-such-option", "1"], ["--no-such-option", "--help"]),
         (["--spp", "0"], ["--spp", "0"]),
         (["--spp", "many"], ["--spp", "many"]),
+        (["--spp", "1.5"], ["1.5", "write 2"]),
+        (["--global-photons", "1e400"], ["1e400", "500k"]),
         (["--resolution", "0x5"], ["--resolution", "WIDTHxHEIGHT"]),
         (["--resolution", "640"], ["640", "WIDTHxHEIGHT"]),
         (["--crop", "1,2,3"], ["--crop", "X0,Y0,X1,Y1"]),
@@ -161,6 +163,23 @@ fn wrong_scenes() {
         fs::write(folder.path().join(name), text).unwrap();
         assert_fails(&folder, &render_args(name, &[]), 1, &parts);
     }
+    let emitter = |faces: &str| {
+        format!(
+            "[[shapes]]\ntype = \"mesh\"\nname = \"lamp\"\nmaterial = \"m\"\nemission = {{ radiance = 1.0 }}\n\
+             vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1000, 0, 0], [1000.0000000001, 0, 0], [1000, 1e-9, 0]]\n\
+             faces = {faces}\n[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"m\"\n[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n"
+        )
+    };
+    // A lamp that rounding leaves nothing of is an error; one that loses a part, a warning.
+    // Something finer has the origin of render space, which would else go to the lamp.
+    let finer = "[[shapes]]\ntype = \"sphere\"\nradius = 1e-12\nmaterial = \"m\"\n";
+    fs::write(folder.path().join("lost.toml"), emitter("[[3, 4, 5]]") + finer).unwrap();
+    assert_fails(&folder, &["info", "lost.toml"], 1, &["lost.toml:1:", "lamp", "none of its 1 triangle"]);
+    fs::write(folder.path().join("part.toml"), emitter("[[0, 1, 2], [3, 4, 5]]")).unwrap();
+    let output = run(&folder, &["info", "part.toml"]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(message.contains("part.toml:1:") && message.contains("lamp: 1 of the 2 triangles"), "{message}");
     fs::write(folder.path().join("binary.toml"), [0xff, 0xfe, 0x00, 0x41]).unwrap();
     assert_fails(&folder, &render_args("binary.toml", &[]), 1, &["binary.toml", "UTF-8"]);
     // Parameters: unknown ones with the nearest name, bad values with the place.
@@ -175,8 +194,16 @@ fn wrong_outputs_are_told_before_rendering() {
     let folder = folder();
     let spheres = spheres();
     fs::create_dir(folder.path().join("taken.exr")).unwrap();
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("/dev/full", folder.path().join("full.exr")).unwrap();
+        std::os::unix::fs::symlink("nowhere/a.png", folder.path().join("lost.png")).unwrap();
+    }
     for (name, parts) in [
-        ("nowhere/a.exr", ["nowhere", "no folder"]),
+        ("nowhere/a.exr", ["nowhere", "does not exist"]),
+        ("/proc/a.exr", ["/proc/a.exr", "takes no new files"]),
+        ("full.exr", ["full.exr", "device"]),
+        ("lost.png", ["lost.png", "folder that does not exist"]),
         ("a.jpg", ["a.jpg", ".exr or .png"]),
         ("a", ["a", ".exr or .png"]),
         ("taken.exr", ["taken.exr", "folder"]),
@@ -185,22 +212,60 @@ fn wrong_outputs_are_told_before_rendering() {
         let args = ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "--quiet", "-o", name];
         assert_fails(&folder, &args, 1, &parts);
     }
-    let stats = [
-        "render",
-        &spheres,
-        "--spp",
-        "4096",
-        "--time-limit",
-        "30s",
-        "-o",
-        "a.exr",
-        "--stats",
-        "nowhere/s.json",
-    ];
-    assert_fails(&folder, &stats, 1, &["nowhere", "no folder"]);
+    let scene = folder.path().join("scene.toml");
+    fs::copy(&spheres, &scene).unwrap();
+    for (stats, parts) in [
+        ("nowhere/s.json", ["nowhere", "does not exist"]),
+        ("/dev/full", ["/dev/full", "device"]),
+        // The statistics in the place of a picture, or of the scene.
+        ("a.exr", ["a.exr", "would overwrite"]),
+        ("./a.png", ["a.png", "would overwrite"]),
+        ("scene.toml", ["scene.toml", "would overwrite"]),
+    ] {
+        let args =
+            ["render", "scene.toml", "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--stats", stats];
+        assert_fails(&folder, &args, 1, &parts);
+    }
+    assert_eq!(fs::read(&scene).unwrap(), fs::read(&spheres).unwrap());
     let crop =
         ["render", &spheres, "--spp", "4096", "--time-limit", "30s", "-o", "a.exr", "--crop", "0,0,257,256"];
     assert_fails(&folder, &crop, 1, &["0,0 to 257,256", "256 x 256"]);
+}
+
+/// A machine without OpenImageIO: scenes are read, and a render stops at once.
+#[cfg(unix)]
+#[test]
+fn a_missing_library_is_told_before_rendering() {
+    let folder = folder();
+    // What the loader finds first is no library.
+    for version in ["2.4", "2.5", "3.0", "3.1", "3.2"] {
+        fs::write(folder.path().join(format!("libOpenImageIO.so.{version}")), "none").unwrap();
+    }
+    let run = |args: &[&str]| {
+        let mut command = program();
+        command.current_dir(folder.path()).env("LD_LIBRARY_PATH", folder.path()).args(args).output().unwrap()
+    };
+    let before = names_in(folder.path());
+    let start = Instant::now();
+    let output = run(&[
+        "render",
+        &spheres(),
+        "--integrator",
+        "path",
+        "--spp",
+        "1000000",
+        "-o",
+        "a.exr",
+        "--time-limit",
+        "30s",
+    ]);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("OpenImageIO cannot be loaded") && message.contains("install it"), "{message}");
+    assert!(start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+    assert_eq!(names_in(folder.path()), before);
+    assert_eq!(run(&["compare", "a.exr", "b.exr"]).status.code(), Some(1));
+    assert_eq!(run(&["info", &spheres()]).status.code(), Some(0));
 }
 
 #[test]
@@ -348,6 +413,10 @@ fn compare_runs() {
     assert!(table.contains("relmse") && table.contains("reference-2.exr"), "{table}");
     assert_eq!(names_in(folder.path()), ["map.png"]);
     assert_fails(&folder, &["compare", &first, "gone.exr"], 1, &["gone.exr"]);
+    let map = fs::read(folder.path().join("map.png")).unwrap();
+    let over = ["compare", &first, "map.png", "--difference", "./map.png"];
+    assert_fails(&folder, &over, 1, &["map.png", "would overwrite"]);
+    assert_eq!(fs::read(folder.path().join("map.png")).unwrap(), map);
     assert_fails(&folder, &["compare", &first, &second, "--aov", "caustics"], 1, &["caustics", "it has"]);
     run(&folder, &render_args(&spheres(), &["-o", "small.exr"]));
     assert_fails(&folder, &["compare", &first, "small.exr"], 1, &["small.exr", "24"]);
@@ -416,12 +485,12 @@ impl Long {
 #[cfg(unix)]
 #[test]
 fn signals_stop_with_a_picture() {
-    for name in ["INT", "TERM"] {
+    for (name, exit) in [("INT", 130), ("TERM", 143)] {
         let mut long = Long::start(&[]);
         std::thread::sleep(Duration::from_secs(3));
         long.signal(name);
         let (code, message) = long.wait();
-        assert_eq!(code, Some(130), "{name}: {message}");
+        assert_eq!(code, Some(exit), "{name}: {message}");
         assert!(message.contains("stopping; what is there will be written"), "{message}");
         long.assert_written(&message);
     }
@@ -437,13 +506,157 @@ fn a_time_limit_stops_with_a_picture() {
     long.assert_written(&message);
 }
 
-/// A limit that pass 1 does not keep leaves no picture, and says so.
+/// A limit that comes during pass 1 leaves half of the time to the pixels, and what that costs is told.
 #[test]
-fn a_time_limit_before_the_first_pixel() {
+fn a_time_limit_during_the_photon_pass() {
     let folder = folder();
     let spheres = spheres();
-    let args = ["render", &spheres, "--photons", "1000000000", "--time-limit", "200ms", "-o", "a.exr"];
-    assert_fails(&folder, &args, 1, &["stopped before the first pixel"]);
+    let mut args = vec!["render", &spheres, "--time-limit", "2s", "--resolution", "24x20", "--spp", "1"];
+    args.extend(["--global-photons", "4000000", "--caustic-photons", "8000000", "--quiet"]);
+    args.extend(["-o", "a.exr", "--stats", "stats.json"]);
+    let start = Instant::now();
+    let output = run(&folder, &args);
+    let message = stderr(&output);
+    assert_eq!(output.status.code(), Some(0), "{message}");
+    assert!(start.elapsed() < Duration::from_secs(40), "{:?}", start.elapsed());
+    assert!(message.contains("of the 8000000 asked for, traced in its share of the time limit"), "{message}");
+    let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
+    let caustic = &stats["maps"][1];
+    assert_eq!((caustic["asked"].as_u64(), caustic["stopped"].as_bool()), (Some(8_000_000), Some(true)));
+    let photons = caustic["photons"].as_u64().unwrap();
+    assert!((1..7_000_000).contains(&photons), "{photons}");
+    assert_eq!(names_in(folder.path()), ["a.exr", "a.png", "stats.json"]);
+}
+
+/// Stopped by hand during pass 1 there is no picture, which is said; the numbers so far are written.
+#[cfg(unix)]
+#[test]
+fn a_signal_during_the_photon_pass() {
+    let folder = folder();
+    let mut args = vec!["--global-photons", "20000000", "-o", "a.exr", "--stats", "stats.json"];
+    let spheres = spheres();
+    args.splice(0..0, ["render", &spheres]);
+    let child = program()
+        .current_dir(folder.path())
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut long = Long { child, folder };
+    std::thread::sleep(Duration::from_secs(3));
+    long.signal("INT");
+    let (code, message) = long.wait();
+    assert_eq!(code, Some(130), "{message}");
+    assert!(message.contains("stopped before the first pixel: there is no picture"), "{message}");
+    assert_eq!(names_in(long.folder.path()), ["stats.json"]);
+}
+
+#[test]
+fn photons_that_do_not_fit_are_refused() {
+    let folder = folder();
+    let spheres = spheres();
+    let args = ["render", &spheres, "--global-photons", "1000000000000", "-o", "a.exr"];
+    assert_fails(&folder, &args, 1, &["1000000000000 photons in the global map", "--global-photons"]);
+    for (memory, part) in [("lots", "500MB"), ("5", "500MB"), ("-1GB", "500MB")] {
+        let memory = format!("--photons-memory={memory}");
+        assert_fails(&folder, &["render", &spheres, &memory], 2, &[part]);
+    }
+    // Two maps of a megabyte together, in the proportion of the preset.
+    let mut args = vec!["render", &spheres, "--photons-memory", "1MB", "--resolution", "24x20", "--spp", "1"];
+    args.extend(["--quiet", "-o", "a.exr", "--stats", "stats.json"]);
+    let output = run(&folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
+    let bytes: u64 = (0..2).map(|map| stats["maps"][map]["bytes"].as_u64().unwrap()).sum();
+    let bytes = bytes + stats["irradiance_bytes"].as_u64().unwrap();
+    assert!(bytes.abs_diff(1_000_000) < 110_000, "{bytes}");
+    let asked = |map: usize| stats["maps"][map]["asked"].as_u64().unwrap();
+    assert!((asked(0) * 5 / 2).abs_diff(asked(1)) <= 5, "{} and {}", asked(0), asked(1));
+}
+
+#[test]
+fn projection_maps_are_drawn() {
+    let folder = folder();
+    let spheres = spheres();
+    let output = run(&folder, &["info", &spheres, "--projection-maps", "."]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let picture = image_io::read(folder.path().join("0-light.png")).unwrap();
+    let data = &picture.layers[0].data;
+    // Orange where the balls are, blue where only walls are.
+    let pixels = data.len() / 3;
+    let orange = data.chunks_exact(3).filter(|pixel| pixel[0] > pixel[2]).count();
+    assert!(orange * 20 > pixels && orange * 2 < pixels, "{orange} of {pixels}");
+    assert_fails(
+        &folder,
+        &["info", &spheres, "--projection-maps", "nowhere"],
+        1,
+        &["nowhere", "make it first"],
+    );
+}
+
+/// A mesh alone is a scene: the same picture as by `scenes/mesh.toml`, whatever the form of the file.
+#[test]
+fn a_mesh_alone_renders() {
+    let folder = folder();
+    let knot = scene("meshes/knot.ply").display().to_string();
+    let mesh_scene = scene("mesh.toml").display().to_string();
+    let ok = |args: &[&str]| {
+        let output = run(&folder, args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", stderr(&output));
+        stderr(&output)
+    };
+    ok(&render_args(&knot, &["-o", "alone.exr"]));
+    ok(&render_args(&mesh_scene, &["--set", &format!("mesh={knot}"), "-o", "scene.exr"]));
+    let beauty =
+        |name: &str| image_io::read(folder.path().join(name)).unwrap().layer("").unwrap().data.clone();
+    assert_eq!(beauty("alone.exr"), beauty("scene.exr"));
+
+    // A tower along z, red by its materials; and what is wrong with files beside it.
+    let tower = "mtllib tower.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 3\nusemtl red\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    fs::write(folder.path().join("tower.obj"), tower).unwrap();
+    fs::write(folder.path().join("tower.mtl"), "newmtl red\nKd 0.9 0 0\n").unwrap();
+    let told = ok(&render_args("tower.obj", &["-o", "lying.exr"]));
+    assert!(told.contains("--up z"), "{told}");
+    let told = ok(&render_args("tower.obj", &["-o", "standing.exr", "--up", "z"]));
+    assert_eq!(told, "");
+    assert_ne!(beauty("lying.exr"), beauty("standing.exr"));
+    let albedo =
+        image_io::read(folder.path().join("standing.exr")).unwrap().layer("albedo").unwrap().data.clone();
+    assert!(albedo.chunks(3).any(|rgb| rgb[0] > 0.85 && rgb[1] == 0.0 && rgb[2] == 0.0));
+    ok(&render_args("tower.obj", &["-o", "clay.exr", "--up", "z", "--set", "materials=one"]));
+    let albedo =
+        image_io::read(folder.path().join("clay.exr")).unwrap().layer("albedo").unwrap().data.clone();
+    assert!(!albedo.chunks(3).any(|rgb| rgb[0] > 0.85));
+
+    fs::remove_file(folder.path().join("tower.mtl")).unwrap();
+    let told = ok(&render_args("tower.obj", &["-o", "bare.exr", "--up", "z"]));
+    assert!(told.contains("tower.mtl") && told.contains("`red`"), "{told}");
+    fs::write(folder.path().join("broken.obj"), "v 0 0 0\nf 1 2 3\n").unwrap();
+    assert_fails(
+        &folder,
+        &render_args("broken.obj", &[]),
+        1,
+        &["broken.obj:2: 2 is not one of the 1 vertices"],
+    );
+    fs::write(folder.path().join("empty.stl"), "solid e\nendsolid e\n").unwrap();
+    assert_fails(&folder, &render_args("empty.stl", &[]), 1, &["empty.stl: no triangles"]);
+    assert_fails(&folder, &render_args("gone.stl", &[]), 1, &["no mesh file", "gone.stl"]);
+    let spheres = spheres();
+    assert_fails(&folder, &render_args(&spheres, &["--up", "z"]), 1, &["--up is for a mesh alone"]);
+}
+
+#[test]
+fn bench_bvh_writes_a_table_and_a_plot() {
+    let folder = folder();
+    let knot = scene("meshes/knot.ply").display().to_string();
+    let args = ["bench", "bvh", &knot, "--rays", "1000", "--runs", "1", "--check", "50", "-o", "out"];
+    let output = run(&folder, &args);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stdout(&output).contains("| Embree, robust |"), "{}", stdout(&output));
+    assert_plain(&stdout(&output));
+    assert_eq!(names_in(&folder.path().join("out")), ["knot.json", "knot.md", "knot.svg"]);
+    assert_fails(&folder, &["bench", "bvh", "a.toml"], 1, &["a.toml", ".ply, .obj or .stl"]);
 }
 
 #[test]

@@ -88,6 +88,13 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode> {
     if args.difference.is_some() && args.tests.len() != 1 {
         bail!("--difference shows the error of a single picture; name one TEST, not {}", args.tests.len());
     }
+    if let Some(map) = &args.difference {
+        image_io::check_writable(map)?;
+        let read = args.tests.iter().chain([&args.reference]).chain(&args.second_half);
+        if let Some(other) = read.into_iter().find(|other| image_io::is_same_file(map, other)) {
+            bail!("--difference {} would overwrite {}; give it another name", map.display(), other.display());
+        }
+    }
     let reference = load_reference(args)?;
     let mut rows = Vec::with_capacity(args.tests.len());
     for path in &args.tests {

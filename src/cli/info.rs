@@ -2,12 +2,15 @@
 
 use super::picture::{SceneArgs, describe_camera, load};
 use super::settings::SettingsArgs;
-use anyhow::Result;
+use anyhow::{Result, bail};
+use cardioid::image_io::{self, PngPixels};
 use cardioid::lights::Light;
+use cardioid::photons::projection_picture;
 use cardioid::render::Settings;
-use cardioid::scene::RenderPlan;
+use cardioid::scene::Scene;
 use clap::Args;
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Show what a scene holds, and what would be built for it and why
@@ -19,16 +22,23 @@ pub(crate) struct InfoArgs {
     #[command(flatten)]
     settings: SettingsArgs,
 
+    /// Write pictures of what each light sees into this folder: casters of caustics, other objects, nothing.
+    #[arg(long, value_name = "FOLDER")]
+    projection_maps: Option<PathBuf>,
+
     /// Print JSON.
     #[arg(long)]
     json: bool,
 }
 
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
-    let loaded = load(&args.scene)?;
+    let loaded = load(&args.scene, &|| ())?;
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
-    let plan = RenderPlan::new(scene, settings.integrator, settings.map);
+    let plan = settings.plan(scene);
+    if let Some(folder) = &args.projection_maps {
+        write_projection_maps(scene, folder)?;
+    }
     let mut out = std::io::stdout().lock();
     if args.json {
         let value = serde_json::json!({ "scene": scene.name(), "settings": settings, "plan": plan });
@@ -64,4 +74,20 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// One PNG for each light, named by its number and name.
+fn write_projection_maps(scene: &Scene, folder: &Path) -> Result<()> {
+    if !folder.is_dir() {
+        bail!("{}: there is no such folder; make it first", folder.display());
+    }
+    for light in 0..scene.lights().len() {
+        let picture = projection_picture(scene, light);
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+        let name: String = scene.light_note(light).name.chars().take(64).map(plain).collect();
+        let file = folder.join(format!("{light}-{name}.png"));
+        image_io::write_png(&file, picture.width, picture.height, PngPixels::Rgb8(&picture.pixels))?;
+        eprintln!("wrote {}", file.display());
+    }
+    Ok(())
 }

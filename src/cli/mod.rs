@@ -1,5 +1,6 @@
 //! The subcommands, one file each; the only users of clap and anyhow.
 
+mod bench_bvh;
 mod compare;
 mod info;
 mod picture;
@@ -10,9 +11,17 @@ mod settings;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
+/// What the program's end tells, for the end of the help.
+const EXIT_CODES: &str = "\
+Exit codes:
+  0    done (also where --time-limit stopped a render: the picture has fewer samples)
+  1    an error, told on standard error
+  2    a wrong command line
+  130  stopped by Ctrl-C; 143 by SIGTERM, 129 by SIGHUP. `render` writes what is there first";
+
 /// Photon mapping on Embree: caustics and interreflection, right and fast.
 #[derive(Parser, Debug)]
-#[command(name = "cardioid", version, about, arg_required_else_help = true)]
+#[command(name = "cardioid", version, about, arg_required_else_help = true, after_help = EXIT_CODES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -23,17 +32,16 @@ enum Command {
     Render(render::RenderArgs),
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
+    Bench(bench_bvh::BenchArgs),
 }
 
-/// Exit code of a run that was stopped by a signal: 128 + SIGINT, as shells do.
-const INTERRUPTED: u8 = 130;
-
-/// Runs the program. Exit code 0 for success, 1 for an error, 2 for a wrong command line, 130 when interrupted.
+/// Runs the program. Its exit codes are listed in [`EXIT_CODES`].
 pub(crate) fn run() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Bench(args) => bench_bvh::run(&args),
     };
     outcome.unwrap_or_else(|error| {
         // A pipe that the reader closed is no error: `cardioid info scene | head`.

@@ -1,26 +1,32 @@
 //! Options shared by the commands that read a scene, and how they read it.
 
-use anyhow::{Context, Result, anyhow};
+use anyhow::{Context, Result, anyhow, bail};
 use cardioid::embree::Device;
 use cardioid::film::PixelRect;
+use cardioid::scene::{Geometry, Scene};
 use cardioid::scene_file::{
-    BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
-    build_scene, content_hash, load_scene,
+    BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
+    build_scene, content_hash, is_mesh_file, load_scene, mesh_scene,
 };
 use clap::Args;
+use glam::Vec3;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Which scene, and what of it.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML).
+    /// Scene file (TOML), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
     #[arg(value_name = "SCENE")]
     pub(crate) scene: PathBuf,
 
     /// Value of one of the scene's parameters; paths are relative to the current folder.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = name_and_value)]
     pub(crate) set: Vec<(String, String)>,
+
+    /// Axis of a mesh alone that points up: y (the default) or z.
+    #[arg(long, value_name = "AXIS", value_parser = ["y", "z"])]
+    pub(crate) up: Option<String>,
 
     /// Size of the picture, over that of the scene file.
     #[arg(long, value_name = "WxH", value_parser = resolution)]
@@ -41,7 +47,7 @@ fn name_and_value(text: &str) -> Result<(String, String), String> {
 /// More threads than any machine has cores only slow it down, and thousands bring it to a halt.
 const MOST_THREADS: usize = 1024;
 
-fn threads(text: &str) -> Result<usize, String> {
+pub(crate) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(threads) if threads <= MOST_THREADS => Ok(threads),
         _ => Err(format!("write a number of threads up to {MOST_THREADS}, or 0 for one for each core")),
@@ -75,19 +81,63 @@ pub(crate) struct Loaded {
     pub(crate) hash: String,
 }
 
-/// Reads and builds; warnings go to standard error.
-pub(crate) fn load(args: &SceneArgs) -> Result<Loaded> {
+/// Reads and builds; warnings go to standard error, after `when_built` was called.
+pub(crate) fn load(args: &SceneArgs, when_built: &dyn Fn()) -> Result<Loaded> {
     // The messages of scene files begin with the place, so nothing is put in front of them.
-    let description = load_scene(&args.scene, &args.set).map_err(|error| anyhow!("{error}"))?;
+    let is_mesh = is_mesh_file(&args.scene);
+    if is_mesh && !args.scene.exists() {
+        bail!("there is no mesh file {}; check its name", args.scene.display());
+    }
+    let description = match (is_mesh, args.up.as_deref()) {
+        (true, up) => {
+            let up = up.map(|up| ("up".to_owned(), up.to_owned()));
+            let parameters: Vec<_> = args.set.iter().cloned().chain(up).collect();
+            mesh_scene(&args.scene, &parameters)
+        }
+        (false, None) => load_scene(&args.scene, &args.set),
+        (false, Some(_)) => bail!("--up is for a mesh alone; a scene file says it by `fit` (`up = \"z\"`)"),
+    };
+    let description = description.map_err(|error| anyhow!("{error}"))?;
     let FilmDescription { width, height, .. } = description.film;
     let size = args.resolution.unwrap_or((width, height));
     let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
-    let built = build_scene(&description, &device, size)?;
+    let built = build_scene(&description, &device, size);
+    when_built();
+    let built = built.map_err(|error| shorter(error, is_mesh))?;
     for warning in &built.warnings {
-        eprintln!("warning: {warning}");
+        match is_mesh {
+            true => eprintln!("warning: {}: {}", args.scene.display(), warning.message),
+            false => eprintln!("warning: {warning}"),
+        }
+    }
+    let is_free = is_mesh && args.up.is_none() && !args.set.iter().any(|(name, _)| name == "up");
+    if let Some(note) = is_free.then(|| up_note(&built.scene)).flatten() {
+        eprintln!("{note}");
     }
     let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
     Ok(Loaded { description, built, device, size, hash })
+}
+
+/// Where a mesh comes alone, the place in the scene that the program puts around it says nothing.
+pub(crate) fn shorter(error: BuildError, is_mesh: bool) -> anyhow::Error {
+    if is_mesh { anyhow::Error::new(error.problem) } else { error.into() }
+}
+
+/// A word to who renders a mesh that looks as if it lay on its back: deeper than it is high and wide, as things that stand
+/// are in files with z up. Nothing is turned by it.
+fn up_note(scene: &Scene) -> Option<&'static str> {
+    /// How much longer than the other two sides together with their mean.
+    const STANDING: f32 = 1.5;
+    let meshes = scene.surfaces().iter().filter_map(|surface| match &surface.geometry {
+        Geometry::Mesh(mesh) => Some(mesh.buffers.positions()),
+        Geometry::Procedural(_) => None,
+    });
+    let corners = meshes.flatten().map(|corner| Vec3::from_array(*corner));
+    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let (low, high) = corners.fold(empty, |(low, high), at| (low.min(at), high.max(at)));
+    let size = high - low;
+    (size.z > STANDING * size.x.max(size.y))
+        .then_some("note: this mesh is much deeper than high; where its file has z up, add --up z")
 }
 
 /// The camera in words.

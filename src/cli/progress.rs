@@ -1,32 +1,45 @@
 //! Progress bars, the stop signal and the time limit.
 
+use cardioid::image_io::library_failure;
 use cardioid::render::Observer;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicI32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Set by Ctrl-C and its like.
-static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// The first signal that asked for an end; 0 before.
+static SIGNAL: AtomicI32 = AtomicI32::new(0);
 
 /// Catches Ctrl-C, SIGTERM and SIGHUP: the first asks for a stop with a picture of what is there, the second ends at
 /// once (files are written under another name first, so none is left half-written).
 pub(crate) fn catch_interrupts() {
-    let outcome = ctrlc::set_handler(|| {
-        if INTERRUPTED.swap(true, Ordering::SeqCst) {
-            std::process::exit(i32::from(super::INTERRUPTED));
+    let mut signals = match Signals::new([SIGINT, SIGTERM, SIGHUP]) {
+        Ok(signals) => signals,
+        Err(error) => {
+            eprintln!("warning: Ctrl-C will end the program without a picture: {error}");
+            return;
         }
-        eprintln!("\nstopping; what is there will be written (once more to quit at once)");
+    };
+    std::thread::spawn(move || {
+        for signal in signals.forever() {
+            if SIGNAL.compare_exchange(0, signal, Ordering::SeqCst, Ordering::SeqCst).is_err() {
+                std::process::exit(i32::from(exit_code(signal)));
+            }
+            eprintln!("\nstopping; what is there will be written (once more to quit at once)");
+        }
     });
-    if let Err(error) = outcome {
-        eprintln!("warning: Ctrl-C will end the program without a picture: {error}");
-    }
 }
 
-/// True once the user asked to stop.
-pub(crate) fn interrupted() -> bool {
-    INTERRUPTED.load(Ordering::Relaxed)
+/// Exit code of a run that a signal stopped, once there was one: 128 and its number, as in shells.
+pub(crate) fn interrupted() -> Option<u8> {
+    Some(SIGNAL.load(Ordering::Relaxed)).filter(|&signal| signal != 0).map(exit_code)
+}
+
+fn exit_code(signal: i32) -> u8 {
+    u8::try_from(128 + signal).unwrap_or(u8::MAX)
 }
 
 /// Shows a bar for each step on a terminal, nothing elsewhere.
@@ -44,6 +57,22 @@ impl Console {
             visible: !quiet && std::io::stderr().is_terminal(),
             deadline: limit.and_then(|limit| Instant::now().checked_add(limit)),
         }
+    }
+
+    /// Shows that something is under way whose length is not known, and for how long.
+    pub(crate) fn busy(&self, what: &str) {
+        if !self.visible {
+            return;
+        }
+        let style = ProgressStyle::with_template("{msg} {spinner} {elapsed}")
+            .unwrap_or_else(|_| ProgressStyle::default_spinner());
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(10))
+            .with_style(style)
+            .with_message(what.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(200));
+        let mut current = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
+        current.finish_and_clear();
+        *current = bar;
     }
 
     /// Removes the bar.
@@ -76,6 +105,17 @@ impl Observer for Console {
     }
 
     fn should_stop(&self) -> bool {
-        interrupted() || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+        interrupted().is_some()
+            // Nothing that is computed could be written.
+            || library_failure().is_some()
+            || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+
+    fn is_cancelled(&self) -> bool {
+        interrupted().is_some()
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.deadline
     }
 }

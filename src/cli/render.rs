@@ -10,6 +10,7 @@ use cardioid::render::{RenderRequest, Rendered, Settings, Statistics, Stop, rend
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// Render a scene to an EXR with all parts of the light, and a PNG
@@ -89,7 +90,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     let outputs = Outputs::new(args)?;
     let console = Console::new(args.quiet, args.time_limit);
     pool.install(|| {
-        let loaded = load(&args.scene)?;
+        console.busy("reading and building the scene");
+        let loaded = load(&args.scene, &|| console.finish());
+        // Where it was not even read.
+        console.finish();
+        let loaded = loaded?;
+        // Only now: Embree's threads ask the loader for something too, and would have to wait for this.
+        let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
         let rendered = render(&loaded.built.scene, &loaded.built.camera, &request, &console);
@@ -99,8 +106,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         for warning in &statistics.warnings {
             eprintln!("warning: {warning}");
         }
+        if let Some(failure) = image_io::library_failure() {
+            return Err(failure.into());
+        }
         if stopped == Some(Stop::BeforePixels) {
-            bail!("stopped before the first pixel: nothing was written");
+            write_statistics(args, &statistics)?;
+            eprintln!("stopped before the first pixel: there is no picture");
+            return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
         }
         let developed = film.develop();
         if developed.clamped > 0 {
@@ -114,8 +126,26 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         if !args.quiet {
             summary(&statistics, stopped, &outputs, request.settings.spp, &developed);
         }
-        Ok(if interrupted() { ExitCode::from(super::INTERRUPTED) } else { ExitCode::SUCCESS })
+        Ok(interrupted().map_or(ExitCode::SUCCESS, ExitCode::from))
     })
+}
+
+/// OpenImageIO on its way into memory while the scene is rendered.
+struct Loading(Option<JoinHandle<()>>);
+
+impl Loading {
+    fn start() -> Self {
+        // Where there is no room for a thread, the first picture loads it.
+        Self(thread::Builder::new().spawn(image_io::load_library).ok())
+    }
+}
+
+impl Drop for Loading {
+    /// A program that ends while its libraries are still being set up would tear down what is half there.
+    fn drop(&mut self) {
+        // It panics no more than the loader does.
+        let _ = self.0.take().map(JoinHandle::join);
+    }
 }
 
 fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
@@ -148,10 +178,22 @@ impl Outputs {
             "png" => Self { exr: None, png: output },
             _ => bail!("{}: the name of a picture ends in .exr or .png", output.display()),
         };
-        for file in [outputs.exr.as_ref(), Some(&outputs.png), args.stats.as_ref()].into_iter().flatten() {
-            check_folder(file)?;
-        }
+        outputs.check(args)?;
         Ok(outputs)
+    }
+
+    /// Every file can be written, and none would take the place of another, or of the scene.
+    fn check(&self, args: &RenderArgs) -> Result<()> {
+        let pictures = [self.exr.as_deref(), Some(&*self.png)];
+        let files: Vec<&Path> = pictures.into_iter().chain([args.stats.as_deref()]).flatten().collect();
+        for (i, file) in files.iter().enumerate() {
+            image_io::check_writable(file)?;
+            let others = files[..i].iter().copied().chain([args.scene.scene.as_path()]);
+            if let Some(other) = others.into_iter().find(|other| image_io::is_same_file(file, other)) {
+                bail!("{} would overwrite {}; give it another name", file.display(), other.display());
+            }
+        }
+        Ok(())
     }
 
     fn write(
@@ -181,25 +223,15 @@ impl Outputs {
         };
         let bytes = tone.to_srgb8(developed.beauty());
         image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?;
-        if let Some(path) = &args.stats {
-            let text = serde_json::to_string_pretty(statistics)?;
-            std::fs::write(path, text + "\n")
-                .with_context(|| format!("{}: cannot be written", path.display()))?;
-        }
-        Ok(())
+        write_statistics(args, statistics)
     }
 }
 
-fn check_folder(file: &Path) -> Result<()> {
-    let folder = match file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    if !folder.is_dir() {
-        bail!("{}: there is no folder {}; make it first", file.display(), folder.display());
-    }
-    if file.is_dir() {
-        bail!("{}: is a folder; name a file in it", file.display());
+/// Writes `--stats`, where it is asked for.
+fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
+    if let Some(path) = &args.stats {
+        let text = serde_json::to_string_pretty(statistics)?;
+        image_io::write_text(path, &(text + "\n"))?;
     }
     Ok(())
 }
@@ -211,7 +243,8 @@ fn metadata(
     statistics: &Statistics,
 ) -> Result<Vec<(String, MetadataValue)>> {
     let json = |value: serde_json::Result<String>| value.map(MetadataValue::from);
-    let (major, minor, patch) = image_io::library_version();
+    let library = image_io::library_version()
+        .map_or_else(String::new, |(major, minor, patch)| format!("{major}.{minor}.{patch}"));
     let rect = developed.rect;
     Ok(vec![
         ("cardioid/version".into(), env!("CARGO_PKG_VERSION").into()),
@@ -223,7 +256,7 @@ fn metadata(
         ("cardioid/times".into(), json(serde_json::to_string(&statistics.times))?),
         ("cardioid/samples".into(), MetadataValue::Double(statistics.samples as f64)),
         ("cardioid/embree".into(), loaded.device.version().to_string().into()),
-        ("cardioid/openimageio".into(), format!("{major}.{minor}.{patch}").into()),
+        ("cardioid/openimageio".into(), library.into()),
         ("cardioid/target".into(), instruction_set().into()),
         ("cardioid/window".into(), format!("{},{},{},{}", rect.x0, rect.y0, rect.x1, rect.y1).into()),
         ("cardioid/fullSize".into(), format!("{}x{}", developed.width, developed.height).into()),
@@ -264,6 +297,25 @@ fn summary(
             map.emitted,
             map.bytes as f64 / 1e6,
             map.seconds_tracing + map.seconds_building
+        );
+    }
+    if let Some(cache) = &statistics.cache {
+        eprintln!("irradiance cache: {} records, {:.2} s", cache.records, times.cache);
+    }
+    for light in &statistics.shadows {
+        let decided = &light.decisions;
+        eprintln!(
+            "shadow photons of light {}: {} direct, {} shadow; saved {} shadow rays ({:.1} %); lit {}, shadow {}, mixed {}, \
+             too few {}",
+            light.light,
+            light.direct_photons,
+            light.shadow_photons,
+            decided.rays_saved,
+            light.rays_saved_percent,
+            decided.lit,
+            decided.shadow,
+            decided.mixed,
+            decided.too_few
         );
     }
     eprintln!(

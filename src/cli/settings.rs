@@ -1,14 +1,14 @@
 //! Options that choose how a picture is computed; they go over those of the scene file.
 
 use cardioid::photons::{Estimator, Kernel, SearchRegion};
-use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality};
+use cardioid::render::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use clap::{Args, ValueEnum};
 
 /// Settings of the renderer.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct SettingsArgs {
-    /// Preset that all other settings start from.
+    /// Preset that all other settings start from. Each takes several times as long as the one before.
     #[arg(long, value_enum)]
     quality: Option<QualityArg>,
 
@@ -24,29 +24,47 @@ pub(crate) struct SettingsArgs {
     #[arg(long)]
     seed: Option<u64>,
 
-    /// Camera samples per pixel.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    /// Camera samples per pixel. Time in proportion; noise falls with the root.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     spp: Option<u32>,
 
-    /// Photons in the global map; the caustic map keeps its ratio to it.
-    #[arg(long, value_name = "N")]
+    /// Photons in the global map; the caustic map keeps its ratio to it. 21 bytes each; time in proportion.
+    ///
+    /// Counts may be written 500000, 500_000, 500k, 0.5M or 5e5, here and in all options below.
+    #[arg(long, value_name = "N", value_parser = count)]
     photons: Option<u64>,
 
     /// Photons in the global map alone.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     global_photons: Option<u64>,
 
     /// Photons in the caustic map.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = count)]
     caustic_photons: Option<u64>,
 
-    /// Photons in an estimate from the global map.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine: changes noise, not light.
+    #[arg(long, value_name = "BOOL")]
+    aim_photons: Option<bool>,
+
+    /// As many photons as fit into this memory, for example 2GB; the maps keep their ratio.
+    #[arg(long, value_name = "BYTES", value_parser = bytes, conflicts_with_all = ["photons", "global_photons", "caustic_photons"])]
+    photons_memory: Option<u64>,
+
+    /// Photons in an estimate from the global map. More: smoother, blurred wider, slower.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     global_nearest: Option<u32>,
 
-    /// Photons in an estimate from the caustic map.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Photons in an estimate from the caustic map. More: smoother, blurred wider, slower.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     caustic_nearest: Option<u32>,
+
+    /// Radius of estimates from the global map: all photons within it, instead of the nearest.
+    #[arg(long, value_name = "METRES", value_parser = radius, conflicts_with = "global_nearest")]
+    global_radius: Option<f64>,
+
+    /// Radius of estimates from the caustic map: all photons within it, instead of the nearest.
+    #[arg(long, value_name = "METRES", value_parser = radius, conflicts_with = "caustic_nearest")]
+    caustic_radius: Option<f64>,
 
     /// Kernel of caustic estimates.
     #[arg(long, value_enum)]
@@ -64,25 +82,140 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_enum)]
     search: Option<SearchArg>,
 
-    /// Final gather rays per camera sample.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Whether estimates shrink where more photons change them in one direction only, as at the edge of a caustic.
+    #[arg(long, value_name = "BOOL")]
+    differential_check: Option<bool>,
+
+    /// Final gather rays per camera sample: less noise in indirect light, and most of the time of many scenes.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     gather_samples: Option<u32>,
 
-    /// Whether gather rays read irradiance precomputed at the photons.
+    /// Distribution rays at the first highly glossy surface of a camera sample; deeper ones get fewer.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
+    glossy_samples: Option<u32>,
+
+    /// What helps to draw the directions of gather rays and paths: pays where indirect light comes from few directions.
+    #[arg(long, value_enum)]
+    guide: Option<GuideArg>,
+
+    /// Whether gather rays read irradiance precomputed at the photons: much faster than an estimate for each of them.
     #[arg(long, value_name = "BOOL")]
     precomputed_irradiance: Option<bool>,
 
-    /// Shadow rays per light and camera sample.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Shadow rays per light and camera sample: less noise in soft shadows.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     light_samples: Option<u32>,
 
     /// Whether estimates leave out what cannot be seen from their centre (not by default with `as-printed`).
     #[arg(long, value_name = "BOOL")]
     visible_kernel: Option<bool>,
 
-    /// Longest path, in surfaces.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen.
+    #[arg(long, value_enum)]
+    shadow_photons: Option<ShadowArg>,
+
+    /// Rays that place shadow photons, of all lights together.
+    #[arg(long, value_name = "N", value_parser = count)]
+    shadow_photon_rays: Option<u64>,
+
+    /// What `--integrator photons` shows.
+    #[arg(long, value_enum)]
+    show: Option<ShowArg>,
+
+    /// Longest path, in surfaces; what is cut off is counted, and told where it matters.
+    #[arg(long, value_name = "N", value_parser = count_from_one)]
     max_depth: Option<u32>,
+
+    /// Whether indirect light of Lambertian surfaces is interpolated between few places.
+    #[arg(long, value_name = "BOOL")]
+    irradiance_cache: Option<bool>,
+
+    /// Largest error of that interpolation (Ward's a), 0.01 to 1: smaller is better and slower.
+    #[arg(long, value_name = "A", value_parser = cache_error)]
+    cache_error: Option<f32>,
+
+    /// Gather rays for each place of the cache.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
+    cache_samples: Option<u32>,
+
+    /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    accurate_distance: Option<f32>,
+
+    /// Paths of which less than this share arrives are evaluated from the maps alone.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    approximate_weight: Option<f32>,
+}
+
+fn cache_error(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(a) if (0.01..=1.0).contains(&a) => Ok(a),
+        _ => Err("the error is a number from 0.01 to 1".to_owned()),
+    }
+}
+
+fn share(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("a share is a number from 0 to 1".to_owned()),
+    }
+}
+
+/// A whole number, as people write large ones: `500000`, `500_000`, `500k`, `0.5M` or `5e5`.
+fn count(text: &str) -> Result<u64, String> {
+    let message = || "write a whole number, for example 500000, 500k, 1.5M or 5e5".to_owned();
+    let plain = text.replace('_', "");
+    if let Ok(number) = plain.parse() {
+        return Ok(number);
+    }
+    // As a power of ten in the text, so that the number is rounded once, from what was written.
+    let written = match plain.strip_suffix(['k', 'K']).map(|rest| (rest, 3)).or_else(|| {
+        let million = plain.strip_suffix('M').map(|rest| (rest, 6));
+        million.or_else(|| plain.strip_suffix('G').map(|rest| (rest, 9)))
+    }) {
+        Some((rest, power)) => format!("{rest}e{power}"),
+        None => plain,
+    };
+    /// From here on an `f64` has not every whole number.
+    const LIMIT: f64 = 9_007_199_254_740_992.0;
+    match written.parse::<f64>() {
+        Ok(number) if number.fract() == 0.0 && (0.0..LIMIT).contains(&number) => Ok(number as u64),
+        Ok(number) if (0.0..LIMIT).contains(&number) => {
+            Err(format!("{number} is not a whole number; write {:.0}", number.ceil()))
+        }
+        _ => Err(message()),
+    }
+}
+
+/// [`count`] from 1 to the largest `u32`.
+fn count_from_one(text: &str) -> Result<u32, String> {
+    match u32::try_from(count(text)?) {
+        Ok(0) => Err("must be at least 1".to_owned()),
+        Ok(number) => Ok(number),
+        Err(_) => Err(format!("must be at most {}", u32::MAX)),
+    }
+}
+
+fn radius(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(radius) if radius > 0.0 && radius.is_finite() => Ok(radius),
+        _ => Err("a radius is a number of metres above zero".to_owned()),
+    }
+}
+
+fn bytes(text: &str) -> Result<u64, String> {
+    let message = || "write a number of bytes with kB, MB or GB, for example 500MB".to_owned();
+    let at = text.find(|c: char| c.is_ascii_alphabetic()).ok_or_else(message)?;
+    let (number, unit) = text.split_at(at);
+    let factor = match unit.to_ascii_lowercase().as_str() {
+        "b" => 1.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        _ => return Err(message()),
+    };
+    let bytes = number.trim().parse::<f64>().map_err(|_| message())? * factor;
+    if (1000.0..1e15).contains(&bytes) { Ok(bytes as u64) } else { Err(message()) }
 }
 
 fn cone_constant(text: &str) -> Result<f32, String> {
@@ -124,8 +257,12 @@ impl SettingsArgs {
             spp: self.spp,
             global_photons: self.global_photons.or(self.photons),
             caustic_photons: self.caustic_photons.or(caustic_by_ratio),
+            aim_photons: self.aim_photons,
+            photons_memory: self.photons_memory,
             global_nearest: self.global_nearest,
             caustic_nearest: self.caustic_nearest,
+            global_radius: self.global_radius,
+            caustic_radius: self.caustic_radius,
             kernel,
             estimator: self.estimator.map(|estimator| match estimator {
                 EstimatorArg::AsPrinted => Estimator::AsPrinted,
@@ -135,11 +272,32 @@ impl SettingsArgs {
                 SearchArg::Sphere => SearchRegion::Sphere,
                 SearchArg::Disc => SearchRegion::Disc,
             }),
+            differential_check: self.differential_check,
             gather_samples: self.gather_samples,
+            glossy_samples: self.glossy_samples,
+            guide: self.guide.map(|guide| match guide {
+                GuideArg::None => GuideKind::None,
+                GuideArg::Photons => GuideKind::Photons,
+            }),
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
+            shadow_photons: self.shadow_photons.map(|mode| match mode {
+                ShadowArg::Off => ShadowMode::Off,
+                ShadowArg::AsPrinted => ShadowMode::AsPrinted,
+                ShadowArg::Bounded => ShadowMode::Bounded,
+            }),
+            shadow_photon_rays: self.shadow_photon_rays,
+            show: self.show.map(|show| match show {
+                ShowArg::Radiance => Show::Radiance,
+                ShowArg::Classes => Show::Classes,
+            }),
             max_depth: self.max_depth,
+            irradiance_cache: self.irradiance_cache,
+            cache_error: self.cache_error,
+            cache_samples: self.cache_samples,
+            accurate_distance: self.accurate_distance,
+            approximate_weight: self.approximate_weight,
         }
         .over(scene.clone())
     }
@@ -179,6 +337,14 @@ enum IntegratorArg {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+enum GuideArg {
+    /// Nothing: directions are drawn from BSDFs alone.
+    None,
+    /// Photons: more rays go where much light came from.
+    Photons,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 enum MapArg {
     /// All photons on diffuse surfaces.
     Global,
@@ -212,4 +378,52 @@ enum SearchArg {
     Sphere,
     /// A sphere flattened along the normal (the default).
     Disc,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShadowArg {
+    /// Everywhere (the default).
+    Off,
+    /// Not where the ten nearest photons are all direct or all shadow photons (section 4.1 of Jensen 1996).
+    AsPrinted,
+    /// Not where enough photons agree that, with 99 % confidence, less than 1 % of the light is otherwise.
+    Bounded,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum ShowArg {
+    /// The radiance that the photons make (the default).
+    Radiance,
+    /// Each photon as a disc: direct white, indirect blue, caustic yellow, shadow red.
+    Classes,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_as_people_write_them() {
+        for (text, number) in [
+            ("0", 0),
+            ("1e6", 1_000_000),
+            ("2.5e5", 250_000),
+            ("200_000", 200_000),
+            ("500k", 500_000),
+            ("2.3k", 2300),
+            ("1.1M", 1_100_000),
+            ("0.3G", 300_000_000),
+            ("18446744073709551615", u64::MAX),
+        ] {
+            assert_eq!(count(text), Ok(number), "{text}");
+        }
+        for text in ["", "-1", "-1e3", "1e", "k", "1e400", "nan", "inf", "1e17", "many", "1m", "5 000"] {
+            assert!(count(text).is_err_and(|message| message.contains("5e5")), "{text}");
+        }
+        assert!(count("2.5").is_err_and(|message| message.contains("write 3")));
+        assert!(count("0.0005k").is_err());
+        assert!(count_from_one("0").is_err_and(|message| message.contains("at least 1")));
+        assert!(count_from_one("5G").is_err_and(|message| message.contains("at most")));
+        assert_eq!(count_from_one("4e9"), Ok(4_000_000_000));
+    }
 }

@@ -1,6 +1,7 @@
 //! The functions Embree calls for user geometry, and what they share with it.
 
 use super::Procedural;
+use super::all_hits::{COLLECTS, Collection, collect_user, instance_of};
 use crate::math::Ray;
 use embree4_sys as sys;
 use glam::Vec3;
@@ -24,7 +25,7 @@ impl fmt::Debug for UserGeometry {
 
 impl UserGeometry {
     /// Runs `body`; a panic is counted and answered with `otherwise`.
-    fn guarded<T>(&self, otherwise: T, body: impl FnOnce(&dyn Procedural) -> T) -> T {
+    pub(super) fn guarded<T>(&self, otherwise: T, body: impl FnOnce(&dyn Procedural) -> T) -> T {
         catch_unwind(AssertUnwindSafe(|| body(&*self.object))).unwrap_or_else(|_| {
             self.panics.fetch_add(1, Ordering::Relaxed);
             otherwise
@@ -69,6 +70,21 @@ pub(super) unsafe extern "C" fn intersect(arguments: *const sys::RTCIntersectFun
     // SAFETY: with N = 1 a `RTCRayHitN` is a `RTCRayHit`, and nobody else reads it during the call.
     let ray_hit = unsafe { &mut *arguments.rayhit.cast::<sys::RTCRayHit>() };
     let ray = ray_of(&ray_hit.ray);
+    if ray_hit.ray.id == COLLECTS {
+        // SAFETY: only `CommittedScene::intersect_all` traces rays with this number, and its context is a `Collection`
+        // whose `found` nobody else uses during the query.
+        let (context, found) = unsafe {
+            let collection = &*arguments.context.cast::<Collection>();
+            (&collection.context, &mut *collection.found)
+        };
+        collect_user(
+            geometry,
+            (arguments.geomID, arguments.primID, instance_of(context.instID[0])),
+            &ray,
+            found,
+        );
+        return;
+    }
     let Some(t) = geometry.guarded(None, |object| object.intersect(arguments.primID, &ray)) else {
         return;
     };

@@ -2,6 +2,7 @@ use embree4_sys as sys;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::fmt;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicI64, Ordering};
 
 /// What Embree, or the border around it, refuses.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -62,6 +63,8 @@ pub struct Device {
     handle: sys::RTCDevice,
     /// First error since the last look, written by the callback. Boxed: Embree keeps its address.
     error: Box<Mutex<Option<String>>>,
+    /// Bytes that the library holds, where it was asked to count them. Boxed: Embree keeps its address.
+    bytes: Option<Box<AtomicI64>>,
     version: LibraryVersion,
 }
 
@@ -89,7 +92,36 @@ extern "C" fn record_error(slot: *mut c_void, _code: sys::RTCError, message: *co
     first.get_or_insert_with(|| message.to_string_lossy().into_owned());
 }
 
+/// Called by Embree before it takes memory and after it gives some back, from any thread.
+extern "C" fn count_bytes(slot: *mut c_void, bytes: isize, _post: bool) -> bool {
+    if !slot.is_null() {
+        // SAFETY: the boxed counter of a living device, which outlives the library's use of it.
+        unsafe { &*slot.cast::<AtomicI64>() }.fetch_add(bytes as i64, Ordering::Relaxed);
+    }
+    true
+}
+
 impl Device {
+    /// As [`Self::new`], and counts the memory that the library takes ([`Self::memory_bytes`]): for measurements.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn counting_memory(threads: usize) -> Result<Self, EmbreeError> {
+        let mut device = Self::new(threads)?;
+        let bytes = Box::new(AtomicI64::new(0));
+        let slot = std::ptr::from_ref::<AtomicI64>(&bytes).cast_mut().cast::<c_void>();
+        // SAFETY: `slot` stays valid as long as the device.
+        unsafe { sys::rtcSetDeviceMemoryMonitorFunction(device.handle, Some(count_bytes), slot) };
+        device.bytes = Some(bytes);
+        Ok(device)
+    }
+
+    /// Bytes that the library holds for the scenes of a device made by [`Self::counting_memory`]; `None` for others. What it
+    /// reads in place is not among them.
+    pub fn memory_bytes(&self) -> Option<u64> {
+        self.bytes.as_ref().map(|bytes| bytes.load(Ordering::Relaxed).max(0) as u64)
+    }
+
     /// A device that builds with at most `threads` threads; 0 means one for each core.
     ///
     /// # Errors
@@ -115,12 +147,21 @@ impl Device {
         let slot = std::ptr::from_ref::<Mutex<Option<String>>>(&error).cast_mut().cast::<c_void>();
         // SAFETY: `slot` stays valid until `drop`, which removes the callback first.
         unsafe { sys::rtcSetDeviceErrorFunction(handle, Some(record_error), slot) };
-        Ok(Self { handle, error, version })
+        Ok(Self { handle, error, bytes: None, version })
     }
 
     /// Version of the library in use.
     pub fn version(&self) -> LibraryVersion {
         self.version
+    }
+
+    /// Whether the library was built with filter functions.
+    pub(super) fn has_filters(&self) -> bool {
+        // SAFETY: a valid device; a read-only property.
+        let supported = unsafe {
+            sys::rtcGetDeviceProperty(self.handle, sys::RTC_DEVICE_PROPERTY_FILTER_FUNCTION_SUPPORTED)
+        };
+        supported != 0
     }
 
     pub(super) fn handle(&self) -> sys::RTCDevice {
@@ -143,6 +184,7 @@ impl Drop for Device {
         // left.
         unsafe {
             sys::rtcSetDeviceErrorFunction(self.handle, None, std::ptr::null_mut());
+            // The counter of memory stays: the box is dropped after this, when the library is done with it.
             sys::rtcReleaseDevice(self.handle);
         }
     }

@@ -9,13 +9,16 @@
 //! - A committed scene cannot change, so any number of threads may trace rays in it.
 #![allow(unsafe_code, reason = "calls a C library")]
 
+mod all_hits;
 mod callbacks;
 mod device;
+mod packets;
 mod procedural;
 mod scene;
 mod triangles;
 
+pub use all_hits::AllHits;
 pub use device::{Device, EmbreeError, LibraryVersion};
-pub use procedural::{Procedural, SurfacePoint};
+pub use procedural::{ObjectHit, Procedural, SurfacePoint};
 pub use scene::{CommittedScene, GeometryId, RawHit, SceneBuilder};
 pub use triangles::{TriangleBuffers, TriangleError};

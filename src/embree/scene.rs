@@ -1,3 +1,4 @@
+use super::all_hits::{AllHits, COLLECTS, Collection, collect_triangle, instance_of};
 use super::callbacks::{self, UserGeometry};
 use super::device::{Device, EmbreeError};
 use super::{Procedural, TriangleBuffers};
@@ -249,14 +250,48 @@ impl CommittedScene {
         if query.hit.geomID == sys::RTC_INVALID_GEOMETRY_ID {
             return None;
         }
-        let instance = query.hit.instID[0];
         Some(RawHit {
             geometry: query.hit.geomID,
             primitive: query.hit.primID,
-            instance: (instance != sys::RTC_INVALID_GEOMETRY_ID).then_some(instance),
+            instance: instance_of(query.hit.instID[0]),
             uv: [query.hit.u, query.hit.v],
             t: query.ray.tfar,
         })
+    }
+
+    /// Every crossing in `(0, ray.t_max]`, each primitive's own, left sorted in `found`. A ray through an edge that
+    /// triangles share may cross each of them. A ray with NaN crosses nothing.
+    ///
+    /// By a filter that rejects every hit, so that one traversal meets them all: a ray that starts anew behind each hit
+    /// would lose crossings at equal parameters. User geometry reports its crossings itself
+    /// ([`Procedural::intersect_all`]).
+    pub fn intersect_all(&self, ray: &Ray, found: &mut AllHits) {
+        found.clear();
+        let mut query = sys::RTCRayHit { ray: sys::RTCRay { id: COLLECTS, ..ray_of(ray) }, hit: NO_HIT };
+        let mut collection = Collection {
+            context: sys::RTCRayQueryContext {
+                instID: [sys::RTC_INVALID_GEOMETRY_ID],
+                instPrimID: [sys::RTC_INVALID_GEOMETRY_ID],
+            },
+            found: std::ptr::from_mut(found),
+        };
+        let mut arguments = sys::RTCIntersectArguments {
+            flags: sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER,
+            feature_mask: sys::RTC_FEATURE_FLAG_ALL,
+            context: (&raw mut collection).cast::<sys::RTCRayQueryContext>(),
+            filter: Some(collect_triangle),
+            intersect: None,
+        };
+        // SAFETY: a committed scene; `query`, `arguments` and `collection` are locals of the layouts that the library
+        // expects, and the context is the first field of a `Collection`, as the callbacks of such rays assume. They
+        // alone use `found` while the query runs, one after the other.
+        unsafe { sys::rtcIntersect1(self.handle.0, &raw mut query, &raw mut arguments) };
+        found.finish();
+    }
+
+    /// Whether [`Self::intersect_all`] finds triangles: only if Embree was built with filter functions, as by default.
+    pub fn finds_all_crossings(&self) -> bool {
+        self.device.has_filters()
     }
 
     /// Whether anything lies in `(0, ray.t_max]`.
@@ -279,6 +314,10 @@ impl CommittedScene {
                     Resource::Triangles(_) | Resource::User(_) => 0,
                 })
                 .sum::<u64>()
+    }
+
+    pub(super) fn handle(&self) -> sys::RTCScene {
+        self.handle.0
     }
 
     /// The device that built it.
@@ -321,10 +360,10 @@ fn ray_of(ray: &Ray) -> sys::RTCRay {
 
 #[cfg(test)]
 mod tests {
-    use super::super::SurfacePoint;
+    use super::super::ObjectHit;
     use super::*;
     use crate::math::Bounds3;
-    use glam::{DVec3, Vec2, Vec3};
+    use glam::{DVec3, Vec3};
 
     fn triangle() -> TriangleBuffers {
         TriangleBuffers::new(vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])
@@ -342,23 +381,10 @@ mod tests {
             Bounds3 { min: DVec3::new(0.0, 0.0, -1e-6), max: DVec3::new(1.0, 1.0, 1e-6) }
         }
 
-        fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
+        fn nearest(&self, _primitive: u32, ray: &Ray) -> Option<ObjectHit> {
             assert!(ray.origin.x < self.limit, "on purpose");
-            let t = -ray.origin.z / ray.direction.z;
-            (t > 0.0 && t <= ray.t_max).then_some(t)
-        }
-
-        fn intersect_all(&self, primitive: u32, ray: &Ray, hits: &mut Vec<f32>) {
-            hits.extend(self.intersect(primitive, ray));
-        }
-
-        fn refine(&self, _primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
-            SurfacePoint {
-                position: ray.at(t).as_dvec3().with_z(0.0),
-                error: Vec3::ZERO,
-                normal: DVec3::Z,
-                uv: Vec2::ZERO,
-            }
+            let t = f64::from(-ray.origin.z / ray.direction.z);
+            (t > 0.0 && t <= f64::from(ray.t_max)).then_some(ObjectHit { t, normal: DVec3::Z, error: 1e-7 })
         }
     }
 

@@ -1,43 +1,81 @@
 //! Files that are complete or not there at all.
 
-use std::fs::{File, Permissions};
-use std::io;
+use std::fs::{self, File, Permissions};
+use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Writes a file through `fill`, so that `path` changes only where everything succeeded.
+use tempfile::NamedTempFile;
+
+/// Bytes that [`check`] writes: a block, which a full disk refuses where it may still hold an empty file.
+const PROBE: [u8; 4096] = [0; 4096];
+
+/// Links that are followed before they count as a circle, as the system counts.
+const MOST_LINKS: usize = 40;
+
+/// Writes a file through `fill`, so that `path` changes only where everything succeeded. Where `path` is a symbolic link,
+/// the file that it leads to is the one that changes.
 ///
-/// The temporary file is in the folder of `path`, since only there can it be renamed in one step, and is removed on every
-/// error and on unwinding.
+/// The temporary file is in the folder of that file, since only there can it be renamed in one step, and is removed on
+/// every error and on unwinding.
 pub(super) fn write_atomically<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&File) -> Result<(), E>,
 ) -> Result<(), E> {
-    if path.is_dir() {
-        return Err(io::Error::from(io::ErrorKind::IsADirectory).into());
-    }
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let Some(name) = path.file_name() else {
-        return Err(io::Error::from(io::ErrorKind::InvalidFilename).into());
-    };
-    let mut prefix = std::ffi::OsString::from(".");
-    prefix.push(name);
-    prefix.push(".");
-    let file = tempfile::Builder::new()
-        .prefix(&prefix)
-        .suffix(".tmp")
-        // A picture is like any other file: for whom the user's umask says. (The default is the user alone.)
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder)
-        .map_err(without_path)?;
+    let path = destination(path)?;
+    let file = temporary_beside(&path)?;
     fill(file.as_file())?;
     // Before the rename, or a power cut could leave the final name on an empty file.
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// Whether [`write_atomically`] would write to `path` as things stand. Leaves nothing behind.
+pub(super) fn check(path: &Path) -> io::Result<()> {
+    let mut file = temporary_beside(&destination(path)?)?;
+    file.write_all(&PROBE).and_then(|()| file.as_file().sync_all())
+}
+
+/// The file that `path` means: at the end of symbolic links, and nothing but a file or not there yet. Its folder is as
+/// short as the system can say it, so that two names of one file are equal.
+pub(super) fn destination(path: &Path) -> io::Result<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        match fs::symlink_metadata(&path).map(|found| found.file_type()) {
+            Ok(kind) if kind.is_symlink() => path = folder_of(&path).join(fs::read_link(&path)?),
+            Ok(kind) if kind.is_dir() => return Err(ErrorKind::IsADirectory.into()),
+            Ok(kind) if !kind.is_file() => {
+                return Err(io::Error::other(
+                    "it is a device or a pipe, which cannot be replaced as a whole; name a file",
+                ));
+            }
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+            _ => {
+                let name = path.file_name().ok_or(ErrorKind::InvalidFilename)?;
+                return Ok(folder_of(&path).canonicalize()?.join(name));
+            }
+        }
+    }
+    Err(io::Error::other("its symbolic links lead in a circle; remove them, or write elsewhere"))
+}
+
+/// The folder that a file is in.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+    let mut prefix = std::ffi::OsString::from(".");
+    prefix.push(path.file_name().unwrap_or_default());
+    prefix.push(".");
+    tempfile::Builder::new()
+        .prefix(&prefix)
+        .suffix(".tmp")
+        // A picture is like any other file: for whom the user's umask says. (The default is the user alone.)
+        .permissions(Permissions::from_mode(0o666))
+        .tempfile_in(folder_of(path))
+        .map_err(without_path)
 }
 
 /// The same error without the name of the temporary file, which tells the user nothing.
@@ -58,8 +96,7 @@ fn without_path(error: io::Error) -> io::Error {
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
-    use std::io::Write;
+    use std::os::unix::fs::symlink;
     use std::panic::{AssertUnwindSafe, catch_unwind};
 
     use super::*;
@@ -125,5 +162,44 @@ mod tests {
         fs::write(folder.path().join("file"), "").expect("written");
         let in_file = write_atomically(&folder.path().join("file/picture"), fill).expect_err("refused");
         assert_eq!(in_file.kind(), io::ErrorKind::NotADirectory);
+    }
+
+    #[test]
+    fn links_are_followed_to_the_file_they_lead_to() {
+        let folder = tempfile::tempdir().expect("folder");
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir(at("store")).expect("folder");
+        fs::write(at("store/old"), "old").expect("written");
+        symlink("store/old", at("link")).expect("linked");
+        symlink("link", at("chain")).expect("linked");
+        symlink("store/new", at("dangling")).expect("linked");
+        for (name, file) in [("link", "store/old"), ("chain", "store/old"), ("dangling", "store/new")] {
+            check(&at(name)).expect("writable");
+            write_atomically(&at(name), |mut file| file.write_all(name.as_bytes())).expect("written");
+            assert!(fs::symlink_metadata(at(name)).expect("there").is_symlink(), "{name}");
+            assert_eq!(fs::read_to_string(at(file)).expect("read"), name);
+            assert_eq!(destination(&at(name)).expect("there"), destination(&at(file)).expect("there"));
+        }
+        assert_eq!(names_in(&at("store")).len(), 2);
+        symlink("circle", at("circle")).expect("linked");
+        assert!(check(&at("circle")).expect_err("refused").to_string().contains("circle"));
+        symlink("nowhere/file", at("lost")).expect("linked");
+        assert_eq!(check(&at("lost")).expect_err("refused").kind(), ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn what_is_no_file_is_refused_before_anything_is_written() {
+        for path in ["/dev/full", "/dev/null"] {
+            assert!(check(Path::new(path)).expect_err("refused").to_string().contains("device"), "{path}");
+        }
+        assert!(check(Path::new("/proc/picture")).is_err());
+        let folder = tempfile::tempdir().expect("folder");
+        assert_eq!(check(folder.path()).expect_err("refused").kind(), ErrorKind::IsADirectory);
+        let path = folder.path().join("picture");
+        check(&path).expect("writable");
+        fs::write(&path, "old").expect("written");
+        check(&path).expect("writable");
+        assert_eq!(fs::read(&path).expect("read"), b"old");
+        assert_eq!(names_in(folder.path()), ["picture"]);
     }
 }

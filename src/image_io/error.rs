@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::atomic::folder_of;
+
 /// Why a picture was not written or read. The message names the file, what is wrong, and what helps.
 #[derive(Debug, Error)]
 #[non_exhaustive]
@@ -33,6 +35,16 @@ pub enum ImageError {
         /// The file that was to be written.
         path: PathBuf,
         /// What OpenImageIO says.
+        reason: String,
+    },
+
+    /// There is no OpenImageIO, or something that it needs is missing.
+    #[error(
+        "no picture can be written or read, as OpenImageIO cannot be loaded ({reason}): install it, or add its folder to \
+         LD_LIBRARY_PATH"
+    )]
+    Library {
+        /// What the loader says.
         reason: String,
     },
 
@@ -87,11 +99,19 @@ pub enum ImageError {
 
 /// What the system says, in words that name a remedy where the cause is a usual one.
 fn write_remedy(path: &Path, cause: &io::Error) -> String {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent.display().to_string(),
-        _ => "the current folder".to_owned(),
+    let folder = match folder_of(path) {
+        here if here == Path::new(".") => "the current folder".to_owned(),
+        folder => folder.display().to_string(),
     };
     match cause.kind() {
+        ErrorKind::NotFound if path.is_symlink() => {
+            "it is a symbolic link into a folder that does not exist; create that, or remove the link"
+                .to_owned()
+        }
+        // A folder of the system's own, as /proc is.
+        ErrorKind::NotFound if folder_of(path).is_dir() => {
+            format!("{folder} takes no new files; write elsewhere")
+        }
         ErrorKind::NotFound => format!("{folder} does not exist; create it, or write elsewhere"),
         ErrorKind::NotADirectory => format!("{folder} is not a folder; write elsewhere"),
         ErrorKind::IsADirectory => "it is a folder; name a file in it".to_owned(),

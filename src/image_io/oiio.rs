@@ -10,14 +10,30 @@ use std::ptr::NonNull;
 
 use oiio_sys as sys;
 
-use super::MetadataValue;
+use super::{ImageError, MetadataValue};
 
-/// Version of the OpenImageIO that is loaded: major, minor, patch.
+/// Version of OpenImageIO: major, minor, patch. Loads the library where that was not done yet; `None` where it cannot be.
 #[must_use]
-pub fn library_version() -> (i32, i32, i32) {
+pub fn library_version() -> Option<(i32, i32, i32)> {
     // SAFETY: takes nothing and only reads a constant.
-    let version = unsafe { sys::oiio_version() };
-    (version / 10_000, version / 100 % 100, version % 100)
+    let version = unsafe { sys::shim().ok()?.oiio_version() };
+    Some((version / 10_000, version / 100 % 100, version % 100))
+}
+
+/// Loads OpenImageIO, which takes some tenths of a second that the first picture would else have to wait: for a thread of
+/// its own, while there is other work. [`library_failure`] tells what came of it.
+pub fn load_library() {
+    // Kept by the binding, and told with the first picture.
+    let _ = sys::shim();
+}
+
+/// Why OpenImageIO cannot be loaded; `None` where it is, or was not asked for yet.
+pub fn library_failure() -> Option<ImageError> {
+    sys::load_failure().map(not_loaded)
+}
+
+fn not_loaded(reason: &str) -> ImageError {
+    ImageError::Library { reason: reason.to_owned() }
 }
 
 /// Why OpenImageIO failed.
@@ -27,6 +43,8 @@ pub(super) enum Failure {
     System(io::Error),
     /// The library did, with these words.
     Library(String),
+    /// There is no library.
+    NotLoaded(&'static str),
 }
 
 impl From<io::Error> for Failure {
@@ -54,6 +72,11 @@ impl Failure {
         })
     }
 
+    /// The functions of the library.
+    fn shim() -> Result<&'static sys::Shim, Self> {
+        sys::shim().map_err(Self::NotLoaded)
+    }
+
     fn out_of_memory() -> Self {
         Self::System(io::ErrorKind::OutOfMemory.into())
     }
@@ -79,6 +102,7 @@ impl Sample for f32 {
 /// Description of a picture to write.
 #[derive(Debug)]
 pub(super) struct Spec<T> {
+    shim: &'static sys::Shim,
     spec: NonNull<sys::OiioSpec>,
     pixels: usize,
     channels: usize,
@@ -92,31 +116,32 @@ impl<T: Sample> Spec<T> {
         let columns = i32::try_from(width).map_err(too_large)?;
         let rows = i32::try_from(height).map_err(too_large)?;
         let channel_count = i32::try_from(channels).map_err(too_large)?;
+        let shim = Failure::shim()?;
         // SAFETY: takes plain numbers.
-        let spec = unsafe { sys::oiio_spec_new(columns, rows, channel_count, T::FORMAT) };
+        let spec = unsafe { shim.oiio_spec_new(columns, rows, channel_count, T::FORMAT) };
         let spec = NonNull::new(spec).ok_or_else(Failure::out_of_memory)?;
-        Ok(Self { spec, pixels: width as usize * height as usize, channels, sample: PhantomData })
+        Ok(Self { shim, spec, pixels: width as usize * height as usize, channels, sample: PhantomData })
     }
 
     pub(super) fn set_channel_name(&mut self, channel: usize, name: &CStr) -> Result<(), Failure> {
         let channel = i32::try_from(channel).unwrap_or(i32::MAX);
         // SAFETY: the description is live and the shim checks the channel.
-        done(unsafe { sys::oiio_spec_set_channel_name(self.spec.as_ptr(), channel, name.as_ptr()) })
+        done(unsafe { self.shim.oiio_spec_set_channel_name(self.spec.as_ptr(), channel, name.as_ptr()) })
     }
 
     pub(super) fn set_text(&mut self, name: &CStr, value: &CStr) -> Result<(), Failure> {
         // SAFETY: the description is live; both strings are copied.
-        done(unsafe { sys::oiio_spec_set_text(self.spec.as_ptr(), name.as_ptr(), value.as_ptr()) })
+        done(unsafe { self.shim.oiio_spec_set_text(self.spec.as_ptr(), name.as_ptr(), value.as_ptr()) })
     }
 
     pub(super) fn set_int(&mut self, name: &CStr, value: i32) -> Result<(), Failure> {
         // SAFETY: the description is live; the string is copied.
-        done(unsafe { sys::oiio_spec_set_int(self.spec.as_ptr(), name.as_ptr(), value) })
+        done(unsafe { self.shim.oiio_spec_set_int(self.spec.as_ptr(), name.as_ptr(), value) })
     }
 
     pub(super) fn set_double(&mut self, name: &CStr, value: f64) -> Result<(), Failure> {
         // SAFETY: the description is live; the string is copied.
-        done(unsafe { sys::oiio_spec_set_double(self.spec.as_ptr(), name.as_ptr(), value) })
+        done(unsafe { self.shim.oiio_spec_set_double(self.spec.as_ptr(), name.as_ptr(), value) })
     }
 
     /// Writes the picture to an empty file, in a format that OpenImageIO names so. The channels of the layers, in order,
@@ -142,7 +167,7 @@ impl<T: Sample> Spec<T> {
         // SAFETY: the file is open, the description live, and each layer has, by the check above, one number of the type
         // described for each of its channels of each pixel, and all channels of the description belong to one.
         let written = unsafe {
-            sys::oiio_write(
+            self.shim.oiio_write(
                 file.as_raw_fd(),
                 format.as_ptr(),
                 self.spec.as_ptr(),
@@ -159,7 +184,7 @@ impl<T: Sample> Spec<T> {
 impl<T> Drop for Spec<T> {
     fn drop(&mut self) {
         // SAFETY: live until here, and nobody else has it.
-        unsafe { sys::oiio_spec_free(self.spec.as_ptr()) }
+        unsafe { self.shim.oiio_spec_free(self.spec.as_ptr()) }
     }
 }
 
@@ -169,33 +194,38 @@ fn done(succeeded: bool) -> Result<(), Failure> {
 
 /// A file open for reading, at one of its parts.
 #[derive(Debug)]
-pub(super) struct Input(NonNull<sys::OiioInput>);
+pub(super) struct Input {
+    shim: &'static sys::Shim,
+    input: NonNull<sys::OiioInput>,
+}
 
 impl Input {
     /// Opens a file in a format that OpenImageIO names so, at its first part. Reads no more than the header.
     pub(super) fn open(path: &CStr, format: &CStr) -> Result<Self, Failure> {
+        let shim = Failure::shim()?;
         let mut error = Failure::empty();
         // SAFETY: both strings end in NUL, and the error is there to be written.
-        let input = unsafe { sys::oiio_input_open(path.as_ptr(), format.as_ptr(), &raw mut error) };
-        NonNull::new(input).map(Self).ok_or_else(|| Failure::from_shim(&error))
+        let input = unsafe { shim.oiio_input_open(path.as_ptr(), format.as_ptr(), &raw mut error) };
+        let input = NonNull::new(input).ok_or_else(|| Failure::from_shim(&error))?;
+        Ok(Self { shim, input })
     }
 
     /// Goes to a part; false where there are not as many.
     pub(super) fn seek(&mut self, part: i32) -> bool {
         // SAFETY: the input is live, and no borrow of its strings is, as `self` is borrowed mutably.
-        unsafe { sys::oiio_input_seek(self.0.as_ptr(), part) }
+        unsafe { self.shim.oiio_input_seek(self.input.as_ptr(), part) }
     }
 
     /// Width, height, depth and number of channels. What a file claims may be negative; that is returned as 0.
     pub(super) fn size(&self) -> [u32; 4] {
-        let input = self.0.as_ptr();
+        let input = self.input.as_ptr();
         // SAFETY: the input is live, and these only read it.
         let size = unsafe {
             [
-                sys::oiio_input_width(input),
-                sys::oiio_input_height(input),
-                sys::oiio_input_depth(input),
-                sys::oiio_input_channels(input),
+                self.shim.oiio_input_width(input),
+                self.shim.oiio_input_height(input),
+                self.shim.oiio_input_depth(input),
+                self.shim.oiio_input_channels(input),
             ]
         };
         size.map(|number| u32::try_from(number).unwrap_or(0))
@@ -203,40 +233,40 @@ impl Input {
 
     pub(super) fn is_deep(&self) -> bool {
         // SAFETY: the input is live, and this only reads it.
-        unsafe { sys::oiio_input_is_deep(self.0.as_ptr()) }
+        unsafe { self.shim.oiio_input_is_deep(self.input.as_ptr()) }
     }
 
     /// Bytes that decoding one tile or row takes.
     pub(super) fn block_bytes(&self) -> u64 {
         // SAFETY: the input is live, and this only reads it.
-        unsafe { sys::oiio_input_block_bytes(self.0.as_ptr()) }
+        unsafe { self.shim.oiio_input_block_bytes(self.input.as_ptr()) }
     }
 
     /// Names of the channels of this part.
     pub(super) fn channel_names(&self) -> Vec<String> {
         // SAFETY: the input is live, and a name lives as long as the input stays at this part.
-        let name = |channel| unsafe { text(sys::oiio_input_channel_name(self.0.as_ptr(), channel)) };
+        let name = |channel| unsafe { text(self.shim.oiio_input_channel_name(self.input.as_ptr(), channel)) };
         // SAFETY: as in `size`.
-        let count = unsafe { sys::oiio_input_channels(self.0.as_ptr()) };
+        let count = unsafe { self.shim.oiio_input_channels(self.input.as_ptr()) };
         (0..count).map(|channel| name(channel).unwrap_or_default()).collect()
     }
 
     /// Attributes of this part.
     pub(super) fn attributes(&mut self) -> Vec<(String, MetadataValue)> {
-        let input = self.0.as_ptr();
+        let input = self.input.as_ptr();
         // SAFETY: the input is live, `self` is borrowed mutably, and each text is copied before the next call.
         let attribute = |i| unsafe {
-            let value = match sys::oiio_input_attribute_kind(input, i) {
-                sys::OIIO_ATTRIBUTE_INT => MetadataValue::Int(sys::oiio_input_attribute_int(input, i)),
+            let value = match self.shim.oiio_input_attribute_kind(input, i) {
+                sys::OIIO_ATTRIBUTE_INT => MetadataValue::Int(self.shim.oiio_input_attribute_int(input, i)),
                 sys::OIIO_ATTRIBUTE_DOUBLE => {
-                    MetadataValue::Double(sys::oiio_input_attribute_double(input, i))
+                    MetadataValue::Double(self.shim.oiio_input_attribute_double(input, i))
                 }
-                _ => MetadataValue::Text(text(sys::oiio_input_attribute_text(input, i))?),
+                _ => MetadataValue::Text(text(self.shim.oiio_input_attribute_text(input, i))?),
             };
-            Some((text(sys::oiio_input_attribute_name(input, i))?, value))
+            Some((text(self.shim.oiio_input_attribute_name(input, i))?, value))
         };
         // SAFETY: the input is live, and this only reads it.
-        let count = unsafe { sys::oiio_input_attributes(input) };
+        let count = unsafe { self.shim.oiio_input_attributes(input) };
         (0..count).filter_map(attribute).collect()
     }
 
@@ -250,8 +280,9 @@ impl Input {
         pixels.resize(length, 0.0);
         let mut error = Failure::empty();
         // SAFETY: the input is live, and the shim writes no more than the length that it is told.
-        let read =
-            unsafe { sys::oiio_input_read(self.0.as_ptr(), pixels.as_mut_ptr(), length, &raw mut error) };
+        let read = unsafe {
+            self.shim.oiio_input_read(self.input.as_ptr(), pixels.as_mut_ptr(), length, &raw mut error)
+        };
         if read { Ok(pixels) } else { Err(Failure::from_shim(&error)) }
     }
 }
@@ -259,7 +290,7 @@ impl Input {
 impl Drop for Input {
     fn drop(&mut self) {
         // SAFETY: live until here, and nobody else has it.
-        unsafe { sys::oiio_input_free(self.0.as_ptr()) }
+        unsafe { self.shim.oiio_input_free(self.input.as_ptr()) }
     }
 }
 

@@ -157,6 +157,7 @@ fn damaged(path: &Path, failure: Failure) -> ImageError {
     match failure {
         Failure::System(cause) => unreadable(path, cause),
         Failure::Library(reason) => ImageError::Damaged { path: path.to_owned(), reason },
+        Failure::NotLoaded(reason) => ImageError::Library { reason: reason.to_owned() },
     }
 }
 

@@ -2,14 +2,39 @@
 
 use std::collections::BTreeSet;
 use std::ffi::CString;
+use std::io::Write;
 use std::path::Path;
 
-use super::atomic::write_atomically;
+use super::atomic::{check, destination, write_atomically};
 use super::oiio::{Failure, Sample, Spec};
 use super::{Image, ImageError, Layer, MetadataValue, is_storage};
 
 /// Longest name of a channel that EXR allows, in bytes.
 const LONGEST_NAME: usize = 255;
+
+/// Whether a file could be written to `path` as things stand: tries it beside that place, and leaves nothing behind.
+///
+/// # Errors
+/// [`ImageError::Write`] where the folder is missing, full or not to be written to, or `path` is a folder or a device.
+pub fn check_writable(path: impl AsRef<Path>) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    check(path).map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
+}
+
+/// True where writing to both would write one file, through whatever links. False where either cannot be written to.
+pub fn is_same_file(a: impl AsRef<Path>, b: impl AsRef<Path>) -> bool {
+    matches!((destination(a.as_ref()), destination(b.as_ref())), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Writes a text.
+///
+/// # Errors
+/// [`ImageError::Write`] where the system refuses. The file that was there before, if any, is then still there.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    write_atomically(path, |mut file| file.write_all(text.as_bytes()))
+        .map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
+}
 
 /// Writes an EXR: 32-bit float, losslessly compressed (ZIP), all layers in one part.
 ///
@@ -125,6 +150,7 @@ fn refused(path: &Path, failure: Failure) -> ImageError {
     match failure {
         Failure::System(cause) => ImageError::Write { path: path.to_owned(), cause },
         Failure::Library(reason) => ImageError::Encode { path: path.to_owned(), reason },
+        Failure::NotLoaded(reason) => ImageError::Library { reason: reason.to_owned() },
     }
 }
 

@@ -1,105 +1,212 @@
 //! Direct illumination: the first integral of eq. (2).
 
-use super::Counters;
-use crate::lights::{Light, LightId};
+use super::{Directions, Scratch};
+use crate::bsdf::{Lobe, TransportMode};
+use crate::lights::LightId;
 use crate::math::Rgb;
 use crate::media::MediumId;
-use crate::sampling::{ONE_MINUS_EPSILON, SampleStream, Splits};
-use crate::scene::{Scene, Shading, SurfaceInteraction};
-use glam::Vec2;
+use crate::photons::{ShadowDecision, ShadowMaps};
+use crate::sampling::{SampleStream, Splits, refined};
+use crate::scene::{Scene, SurfaceInteraction};
+use glam::{Vec2, Vec3};
+use std::ops::AddAssign;
 
 /// Up to so many lights, each gets its own shadow rays; beyond, one is drawn in proportion to its flux.
 const LIGHTS_SAMPLED_EACH: usize = 8;
 
-/// Shadow rays from diffuse surfaces to sampled points of the lights.
+/// What a surface reflects or transmits of the light that arrives straight from emitters, by lobe.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Reflected {
+    /// By the diffuse lobe.
+    pub diffuse: Rgb,
+    /// By the glossy lobe, weighted against rays drawn from it.
+    pub glossy: Rgb,
+}
+
+/// Where a ray was drawn from, and its density within a smooth lobe: light that it hits was sampled there as well.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Drawn {
+    pub from: Vec3,
+    pub pdf: f32,
+}
+
+/// Shadow rays from surfaces that are not specular to sampled points of the lights.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectLighting<'a> {
     scene: &'a Scene,
     /// Shadow rays per light.
     samples: u32,
-    /// Whether rays drawn from the BSDF complete the estimate by multiple importance sampling.
+    /// Whether rays drawn from the diffuse lobe complete the estimate by multiple importance sampling; those from the
+    /// glossy lobe always do.
     bsdf_sampling: bool,
+    /// Photons that tell where shadow rays are not needed.
+    shadows: Option<&'a ShadowMaps>,
+}
+
+/// A place that light arrives at, and what its photons said of the light asked for last.
+struct Receiver<'a> {
+    hit: &'a SurfaceInteraction,
+    directions: &'a Directions<'a>,
+    medium: MediumId,
+    /// Index of a light, and what its photons say; all rays to one light from one place share it.
+    decided: Option<(usize, Option<ShadowDecision>)>,
 }
 
 impl<'a> DirectLighting<'a> {
     /// `samples` shadow rays to each light (or in all, where lights are many).
     pub fn new(scene: &'a Scene, samples: u32, bsdf_sampling: bool) -> Self {
-        Self { scene, samples: samples.max(1), bsdf_sampling }
+        Self { scene, samples: samples.max(1), bsdf_sampling, shadows: None }
     }
 
-    /// Reflected radiance towards `hit.wo` of the light that arrives straight from emitters.
+    /// The same with shadow rays only where `shadows` leaves open whether a light is seen.
+    #[must_use]
+    pub fn with_shadows(self, shadows: Option<&'a ShadowMaps>) -> Self {
+        Self { shadows, ..self }
+    }
+
+    /// Radiance towards `hit.wo` of the light that arrives straight from emitters. `directions` are how rays are drawn that
+    /// may hit a light by chance.
     pub fn radiance(
         &self,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        directions: &Directions<'_>,
         medium: MediumId,
         samples: &mut SampleStream,
-        counters: &mut Counters,
-    ) -> Rgb {
-        let Some(power) = self.scene.light_power() else { return Rgb::ZERO };
-        let mut sum = Rgb::ZERO;
+        scratch: &mut Scratch,
+    ) -> Reflected {
+        let mut receiver = Receiver { hit, directions, medium, decided: None };
+        let mut sum = Reflected::default();
+        let Some(power) = self.scene.light_power() else { return sum };
+        let mut add = |found: Reflected| {
+            sum.diffuse += found.diffuse;
+            sum.glossy += found.glossy;
+        };
         if self.scene.lights().len() <= LIGHTS_SAMPLED_EACH {
-            for light in self.scene.lights() {
+            for light in 0..self.scene.lights().len() {
                 let splits = samples.splits(self.samples);
                 for i in 0..self.samples {
-                    sum += self.sample_light(hit, shading, medium, light, (1.0, splits.get(i)), counters);
+                    add(self.sample_light(&mut receiver, light, (1.0, splits.get(i)), scratch));
                 }
             }
         } else {
             let choices: Splits = samples.splits(self.samples);
             let splits = samples.splits(self.samples);
             for i in 0..self.samples {
-                let (index, probability, _) = power.sample(choices.get(i).x.min(ONE_MINUS_EPSILON));
-                let light = &self.scene.lights()[index];
-                sum += self.sample_light(hit, shading, medium, light, (probability, splits.get(i)), counters);
+                let (index, probability, _) = power.sample(refined(choices.get(i)));
+                add(self.sample_light(&mut receiver, index, (probability, splits.get(i)), scratch));
             }
         }
-        sum / self.samples as f32
+        let count = self.samples as f32;
+        Reflected { diffuse: sum.diffuse / count, glossy: sum.glossy / count }
     }
 
     /// One shadow ray, weighted against BSDF sampling where that is done too. `choice` holds the probability with which
     /// the light was chosen and the random numbers.
-    pub fn sample_light(
+    fn sample_light(
         &self,
-        hit: &SurfaceInteraction,
-        shading: &Shading,
-        medium: MediumId,
-        light: &Light,
+        receiver: &mut Receiver<'_>,
+        index: usize,
         (probability, u): (f32, Vec2),
-        counters: &mut Counters,
-    ) -> Rgb {
+        scratch: &mut Scratch,
+    ) -> Reflected {
+        let nothing = Reflected::default();
+        let light = &self.scene.lights()[index];
+        let Receiver { hit, directions, medium, .. } = *receiver;
+        let shading = directions.shading;
         let Some(sample) = light.sample_li(hit.point.position, u) else {
-            return Rgb::ZERO;
+            return nothing;
         };
+        let (wo, wi) = (shading.wo_local, shading.frame.to_local(sample.wi));
         // Both normals must agree on the side, or light would leak through the surface.
-        if sample.wi.dot(shading.geometric) * hit.wo.dot(shading.geometric) <= 0.0 {
-            return Rgb::ZERO;
+        let side = sample.wi.dot(shading.geometric) * hit.wo.dot(shading.geometric);
+        let transmission = side < 0.0;
+        if side == 0.0 || transmission != (wi.z * wo.z < 0.0) {
+            return nothing;
         }
-        let wi = shading.frame.to_local(sample.wi);
-        let f = shading.bsdf.eval(shading.wo_local, wi);
-        let mut contribution = f * wi.z.abs() * sample.radiance_over_pdf / probability;
-        if contribution == Rgb::ZERO {
-            return Rgb::ZERO;
-        }
-        let ray = match sample.target {
-            Some(target) => hit.spawn_to(target),
-            None => hit.spawn(sample.wi),
+        let arriving = wi.z.abs() * sample.radiance_over_pdf / probability;
+        let mut found = Reflected {
+            diffuse: shading.bsdf.eval(Lobe::Diffuse, wo, wi, TransportMode::Radiance) * arriving,
+            glossy: shading.bsdf.eval(Lobe::Glossy, wo, wi, TransportMode::Radiance) * arriving,
         };
-        counters.shadow_rays += 1;
-        if self.scene.occluded(&ray) {
-            return Rgb::ZERO;
+        if found == nothing {
+            return nothing;
+        }
+        let Some(medium) = self.scene.medium_after(medium, hit, shading, sample.wi, transmission) else {
+            return nothing;
+        };
+        // Photons tell of the side that they arrived on.
+        let decision = if transmission { None } else { self.decision(receiver, index, scratch) };
+        let is_seen = match decision {
+            Some(ShadowDecision::Lit) => true,
+            Some(ShadowDecision::Shadow) => false,
+            Some(ShadowDecision::Mixed | ShadowDecision::TooFew) | None => {
+                scratch.counters.shadow_rays += 1;
+                let ray = match sample.target {
+                    Some(target) => hit.spawn_to(target),
+                    None => hit.spawn(sample.wi),
+                };
+                !self.scene.occluded(&ray)
+            }
+        };
+        if !is_seen {
+            return nothing;
         }
         let medium = self.scene.medium(medium);
         if !medium.is_clear() {
-            contribution *= medium.transmittance(sample.distance);
+            let transmittance = medium.transmittance(sample.distance);
+            found.diffuse *= transmittance;
+            found.glossy *= transmittance;
         }
-        if self.bsdf_sampling && !light.is_delta() {
-            contribution *= power_heuristic(
-                sample.pdf_solid_angle * probability,
-                shading.bsdf.pdf_solid_angle(shading.wo_local, wi),
-            );
+        if !light.is_delta() {
+            if self.bsdf_sampling && found.diffuse != Rgb::ZERO {
+                let other = receiver.directions.pdf_diffuse(wi);
+                found.diffuse *= power_heuristic(sample.pdf_solid_angle * probability, other);
+            }
+            if found.glossy != Rgb::ZERO {
+                let other = shading.bsdf.pdf_solid_angle(Lobe::Glossy, wo, wi);
+                found.glossy *= power_heuristic(sample.pdf_solid_angle * probability, other);
+            }
         }
-        contribution
+        found
+    }
+
+    /// Weight of light found along a ray drawn from a lobe, against sampling it from there; one for a ray that no light
+    /// sampling competes with. `pdf_of_light` is the density per solid angle of the light's own samples.
+    pub(super) fn weight(
+        &self,
+        drawn: Option<Drawn>,
+        id: LightId,
+        pdf_of_light: impl FnOnce(Vec3) -> f32,
+    ) -> f32 {
+        drawn.map_or(1.0, |drawn| {
+            power_heuristic(drawn.pdf, pdf_of_light(drawn.from) * self.choice_probability(id))
+        })
+    }
+
+    /// What the photons of a light say of the receiver, asked once for all rays; counts the ray that waits for it.
+    #[inline]
+    fn decision(
+        &self,
+        receiver: &mut Receiver<'_>,
+        light: usize,
+        scratch: &mut Scratch,
+    ) -> Option<ShadowDecision> {
+        let shadows = self.shadows?;
+        let counters = &mut scratch.shadows;
+        if counters.len() <= light {
+            counters.resize(self.scene.lights().len(), ShadowCounters::default());
+        }
+        let decision = match receiver.decided {
+            Some((decided, decision)) if decided == light => decision,
+            _ => {
+                let decision = shadows.decide(light as LightId, receiver.hit, &mut scratch.photons);
+                receiver.decided = Some((light, decision));
+                scratch.shadows[light].decide(decision);
+                decision
+            }
+        };
+        scratch.shadows[light].ray(decision);
+        decision
     }
 
     /// Probability with which [`Self::radiance`] chooses a light: what the pdf of its samples is multiplied by.
@@ -110,6 +217,53 @@ impl<'a> DirectLighting<'a> {
             }
             _ => 1.0,
         }
+    }
+}
+
+/// What shadow photons decided about one light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct ShadowCounters {
+    /// Points at which they say that all of the light is seen.
+    pub lit: u64,
+    /// Points at which they say that none of it is.
+    pub shadow: u64,
+    /// Points where direct and shadow photons meet.
+    pub mixed: u64,
+    /// Points with too few photons around to say.
+    pub too_few: u64,
+    /// Shadow rays that were not traced.
+    pub rays_saved: u64,
+    /// Shadow rays that were.
+    pub rays_traced: u64,
+}
+
+impl ShadowCounters {
+    fn decide(&mut self, decision: Option<ShadowDecision>) {
+        match decision {
+            Some(ShadowDecision::Lit) => self.lit += 1,
+            Some(ShadowDecision::Shadow) => self.shadow += 1,
+            Some(ShadowDecision::Mixed) => self.mixed += 1,
+            Some(ShadowDecision::TooFew) => self.too_few += 1,
+            None => {}
+        }
+    }
+
+    fn ray(&mut self, decision: Option<ShadowDecision>) {
+        match decision {
+            Some(ShadowDecision::Lit | ShadowDecision::Shadow) => self.rays_saved += 1,
+            Some(ShadowDecision::Mixed | ShadowDecision::TooFew) | None => self.rays_traced += 1,
+        }
+    }
+}
+
+impl AddAssign for ShadowCounters {
+    fn add_assign(&mut self, other: Self) {
+        self.lit += other.lit;
+        self.shadow += other.shadow;
+        self.mixed += other.mixed;
+        self.too_few += other.too_few;
+        self.rays_saved += other.rays_saved;
+        self.rays_traced += other.rays_traced;
     }
 }
 

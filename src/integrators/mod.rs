@@ -4,13 +4,18 @@
 //! eq. (2); `docs/light-paths.md` has the table that assigns each kind of path to exactly one.
 
 mod direct;
+mod directions;
 mod path;
 mod photon_map;
 mod specular;
 
-pub use direct::DirectLighting;
+pub use direct::{DirectLighting, Reflected, ShadowCounters};
+pub use directions::Directions;
 pub use path::PathTracer;
-pub use photon_map::{PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowPhotons, visible_domain};
+pub use photon_map::{
+    CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons,
+    visible_domain,
+};
 
 use crate::film::PixelSample;
 use crate::math::Ray;
@@ -33,6 +38,8 @@ pub struct Scratch {
     pub photons: PhotonScratch,
     /// What was traced.
     pub counters: Counters,
+    /// What shadow photons decided, by light; empty where they are not asked.
+    pub shadows: Vec<ShadowCounters>,
     /// Specular branches that wait for their turn.
     branches: Vec<specular::Branch>,
 }
@@ -44,6 +51,10 @@ pub struct Counters {
     pub camera_rays: u64,
     /// Rays continued by specular reflection or refraction, from the camera.
     pub specular_rays: u64,
+    /// Distribution rays drawn from highly glossy lobes, from the camera.
+    pub glossy_rays: u64,
+    /// Rays by which gathering goes on at specular and highly glossy surfaces.
+    pub approximate_rays: u64,
     /// Shadow rays.
     pub shadow_rays: u64,
     /// Final gather rays.
@@ -56,6 +67,14 @@ pub struct Counters {
     pub caustic_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
+    /// Surfaces at which photons took part in drawing directions.
+    pub guided: u64,
+    /// Surfaces at which they were asked to and none were near.
+    pub unguided: u64,
+    /// Photons that estimates looked at.
+    pub photons_visited: u64,
+    /// Estimates that differential checking made smaller.
+    pub differential_stops: u64,
     /// Feeler rays of visible kernels.
     pub feelers: u64,
     /// Paths cut at the depth limit.
@@ -66,30 +85,66 @@ pub struct Counters {
     pub medium_mismatches: u64,
     /// Segments traced, over all paths: divided by camera rays, the mean ray depth.
     pub depth_sum: u64,
+    /// Paths that ended in a look-up behind a diffuse reflection.
+    pub gather_paths: u64,
+    /// Segments of those paths, from the eye on: divided by their count, the mean depth of an image-sampling ray.
+    pub gather_path_segments: u64,
+    /// Evaluations of indirect light by interpolation in the irradiance cache.
+    pub cache_hits: u64,
+    /// Evaluations for which no record of the irradiance cache was near, and which gathered for themselves.
+    pub cache_misses: u64,
+    /// Accurate evaluations at surfaces seen by the eye or through specular ones.
+    pub accurate_seen: u64,
+    /// Accurate evaluations behind a diffuse reflection because the surface is close by.
+    pub accurate_close: u64,
+    /// Accurate evaluations behind a diffuse reflection because photons are too few: recursive sampling.
+    pub accurate_poor: u64,
+    /// Approximate evaluations: behind a diffuse reflection.
+    pub approximate_diffuse: u64,
+    /// Approximate evaluations because the path carries little.
+    pub approximate_weight: u64,
+    /// Approximate evaluations from too few photons because a recursion had to end.
+    pub approximate_poor: u64,
 }
 
 impl AddAssign for Counters {
     fn add_assign(&mut self, other: Self) {
         self.camera_rays += other.camera_rays;
         self.specular_rays += other.specular_rays;
+        self.glossy_rays += other.glossy_rays;
+        self.approximate_rays += other.approximate_rays;
         self.shadow_rays += other.shadow_rays;
         self.gather_rays += other.gather_rays;
         self.path_rays += other.path_rays;
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
         self.empty_lookups += other.empty_lookups;
+        self.guided += other.guided;
+        self.unguided += other.unguided;
+        self.photons_visited += other.photons_visited;
+        self.differential_stops += other.differential_stops;
         self.feelers += other.feelers;
         self.truncated += other.truncated;
         self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
         self.depth_sum += other.depth_sum;
+        self.gather_paths += other.gather_paths;
+        self.gather_path_segments += other.gather_path_segments;
+        self.cache_hits += other.cache_hits;
+        self.cache_misses += other.cache_misses;
+        self.accurate_seen += other.accurate_seen;
+        self.accurate_close += other.accurate_close;
+        self.accurate_poor += other.accurate_poor;
+        self.approximate_diffuse += other.approximate_diffuse;
+        self.approximate_weight += other.approximate_weight;
+        self.approximate_poor += other.approximate_poor;
     }
 }
 
 /// What the first surface contributes to the auxiliary layers.
 fn describe_first_hit(sample: &mut PixelSample, scene: &Scene, hit: &SurfaceInteraction) {
     let shading = hit.shading(scene.material(hit));
-    sample.albedo = shading.bsdf.albedo();
+    sample.albedo = shading.bsdf.albedo(shading.wo_local);
     sample.normal = shading.frame.z;
     sample.depth = scene.space().metres(f64::from(hit.distance)) as f32;
     sample.object_id = Some(hit.surface);

@@ -1,17 +1,18 @@
 //! The reference: unbiased path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling
-//! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it.
+//! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it; photons may tell it where to look
+//! (Jensen 1995), which changes noise and nothing else.
 
-use super::direct::{DirectLighting, power_heuristic};
+use super::direct::{DirectLighting, Drawn};
 use super::specular::chain_roulette;
-use super::{Integrator, Scratch, describe_first_hit};
-use crate::bsdf::{Lobe, TransportMode};
+use super::{Directions, Integrator, Scratch, describe_first_hit};
+use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
-use crate::lights::{Light, LightId};
+use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
+use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
-use crate::scene::{Scene, Shading, SurfaceInteraction};
-use glam::Vec3;
+use crate::scene::{Scene, SurfaceInteraction};
 
 /// Surfaces after which roulette may end a path.
 const ROULETTE_DEPTH: u32 = 4;
@@ -21,6 +22,7 @@ const ROULETTE_DEPTH: u32 = 4;
 pub struct PathTracer<'a> {
     scene: &'a Scene,
     direct: DirectLighting<'a>,
+    guide: Option<&'a DirectionGuide>,
     max_depth: u32,
     camera_medium: MediumId,
 }
@@ -30,11 +32,11 @@ pub struct PathTracer<'a> {
 enum Class {
     /// No surface yet.
     Camera,
-    /// Something specular first: all of it is the specular part.
+    /// Something specular or highly glossy first: all of it is the specular part.
     ThroughSpecular,
     /// A diffuse surface, and nothing since.
     Diffuse,
-    /// A diffuse surface, and only specular ones since.
+    /// A diffuse surface, and only specular or highly glossy ones since.
     DiffuseThenSpecular,
     /// Two diffuse surfaces or more.
     DiffuseTwice,
@@ -44,11 +46,12 @@ impl Class {
     /// After scattering by this lobe.
     fn after(self, lobe: Lobe) -> Self {
         match (self, lobe) {
-            (Self::Camera | Self::ThroughSpecular, Lobe::Specular) | (Self::ThroughSpecular, _) => {
-                Self::ThroughSpecular
-            }
+            (Self::Camera | Self::ThroughSpecular, Lobe::Specular | Lobe::Glossy)
+            | (Self::ThroughSpecular, _) => Self::ThroughSpecular,
             (Self::Camera, Lobe::Diffuse) => Self::Diffuse,
-            (Self::Diffuse | Self::DiffuseThenSpecular, Lobe::Specular) => Self::DiffuseThenSpecular,
+            (Self::Diffuse | Self::DiffuseThenSpecular, Lobe::Specular | Lobe::Glossy) => {
+                Self::DiffuseThenSpecular
+            }
             (Self::Diffuse | Self::DiffuseThenSpecular | Self::DiffuseTwice, _) => Self::DiffuseTwice,
         }
     }
@@ -65,38 +68,31 @@ impl Class {
     }
 }
 
-/// Where the last direction was drawn from, if from a smooth lobe: light that it hits was sampled there as well.
-#[derive(Clone, Copy)]
-struct Drawn {
-    from: Vec3,
-    pdf: f32,
-}
-
 impl<'a> PathTracer<'a> {
     /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
     pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumId) -> Self {
-        Self { scene, direct: DirectLighting::new(scene, 1, true), max_depth, camera_medium }
+        let direct = DirectLighting::new(scene, 1, true);
+        Self { scene, direct, guide: None, max_depth, camera_medium }
     }
 
-    /// Weight of light found by following the path, against having sampled it from `drawn`.
-    fn weight(&self, drawn: Option<Drawn>, id: LightId, pdf_of_light: impl FnOnce(Vec3) -> f32) -> f32 {
-        drawn.map_or(1.0, |drawn| {
-            power_heuristic(drawn.pdf, pdf_of_light(drawn.from) * self.direct.choice_probability(id))
-        })
+    /// The same paths, drawn with the help of photons.
+    pub fn guided_by(self, guide: Option<&'a DirectionGuide>) -> Self {
+        Self { guide, ..self }
     }
 
     fn emitted(&self, hit: &SurfaceInteraction, drawn: Option<Drawn>) -> Rgb {
         let Some(id) = self.scene.surface(hit).light else { return Rgb::ZERO };
         let Light::Area(area) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        let weight =
-            self.weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
+        let weight = self
+            .direct
+            .weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
         area.emitted(hit.is_front()) * weight
     }
 
     fn environment(&self, drawn: Option<Drawn>) -> Rgb {
         let Some(id) = self.scene.environment() else { return Rgb::ZERO };
         let Light::Environment(sky) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        sky.radiance * self.weight(drawn, id, |_| 1.0 / (4.0 * std::f32::consts::PI))
+        sky.radiance * self.direct.weight(drawn, id, |_| 1.0 / (4.0 * std::f32::consts::PI))
     }
 }
 
@@ -107,8 +103,10 @@ struct State {
     medium: MediumId,
     class: Class,
     drawn: Option<Drawn>,
-    /// Specular surfaces met since the last other one.
+    /// Specular or highly glossy surfaces met since the last other one.
     chain: u32,
+    /// Part of the throughput that comes from drawing directions more or less often than the BSDF alone would.
+    guidance: f32,
 }
 
 impl PathTracer<'_> {
@@ -117,15 +115,14 @@ impl PathTracer<'_> {
         &self,
         state: &mut State,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        directions: &Directions<'_>,
         depth: u32,
         samples: &mut SampleStream,
     ) -> bool {
-        let u_lobe = if shading.bsdf.is_delta() { samples.next_1d() } else { 0.0 };
+        let shading = directions.shading;
+        let u_lobe = if shading.bsdf.chooses() || directions.draws_lobe() { samples.next_1d() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { glam::Vec2::ZERO } else { samples.next_2d() };
-        let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Radiance) else {
-            return false;
-        };
+        let Some(sample) = directions.sample(u_lobe, u) else { return false };
         let direction = shading.frame.to_world(sample.wi);
         let Some(medium) =
             self.scene.medium_after(state.medium, hit, shading, direction, sample.transmission)
@@ -133,10 +130,16 @@ impl PathTracer<'_> {
             return false;
         };
         state.throughput *= sample.throughput;
-        state.chain = if shading.bsdf.is_delta() { state.chain + 1 } else { 0 };
+        state.chain = if sample.lobe == Lobe::Diffuse { 0 } else { state.chain + 1 };
         let Some(weight) = chain_roulette(state.chain, || samples.next_1d()) else { return false };
         state.throughput *= weight;
-        let brightest = state.throughput.max_element();
+        // Roulette must not undo the guiding, which lowers the weight of the directions that matter: it goes by what the
+        // surfaces reflect.
+        if directions.is_guided() && sample.lobe == Lobe::Diffuse {
+            let by_bsdf = shading.bsdf.pdf_solid_angle(Lobe::Diffuse, shading.wo_local, sample.wi);
+            state.guidance *= by_bsdf / sample.pdf_solid_angle;
+        }
+        let brightest = state.throughput.max_element() / state.guidance;
         if !(brightest > 0.0) {
             return false;
         }
@@ -146,7 +149,7 @@ impl PathTracer<'_> {
             }
             state.throughput /= brightest;
         }
-        state.drawn = (sample.lobe == Lobe::Diffuse)
+        state.drawn = (sample.lobe != Lobe::Specular)
             .then_some(Drawn { from: hit.point.position, pdf: sample.pdf_solid_angle });
         state.class = state.class.after(sample.lobe);
         state.medium = medium;
@@ -158,8 +161,7 @@ impl PathTracer<'_> {
 impl Integrator for PathTracer<'_> {
     fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
         let mut out = PixelSample::default();
-        let counters = &mut scratch.counters;
-        counters.camera_rays += 1;
+        scratch.counters.camera_rays += 1;
         let mut state = State {
             ray,
             throughput: Rgb::ONE,
@@ -167,10 +169,11 @@ impl Integrator for PathTracer<'_> {
             class: Class::Camera,
             drawn: None,
             chain: 0,
+            guidance: 1.0,
         };
         for depth in 0..self.max_depth {
-            counters.depth_sum += 1;
-            counters.path_rays += u64::from(depth > 0);
+            scratch.counters.depth_sum += 1;
+            scratch.counters.path_rays += u64::from(depth > 0);
             let Some(hit) = self.scene.intersect(&state.ray) else {
                 out.add(state.class.part(), state.throughput * self.environment(state.drawn));
                 return out;
@@ -184,18 +187,22 @@ impl Integrator for PathTracer<'_> {
             }
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
             let shading = hit.shading(self.scene.material(&hit));
-            if shading.bsdf.is_delta() {
-                counters.interfaces += 1;
-                counters.medium_mismatches += u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
-            } else if shading.bsdf.has_diffuse() {
-                let direct = self.direct.radiance(&hit, &shading, state.medium, samples, counters);
-                out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct);
+            let directions = Directions::new(self.guide, &hit, &shading, &mut scratch.counters);
+            if shading.bsdf.has_specular() || shading.bsdf.has_glossy() {
+                scratch.counters.interfaces += 1;
+                scratch.counters.medium_mismatches +=
+                    u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
             }
-            if !self.scatter(&mut state, &hit, &shading, depth, samples) {
+            if shading.bsdf.has_diffuse() || shading.bsdf.has_glossy() {
+                let direct = self.direct.radiance(&hit, &directions, state.medium, samples, scratch);
+                out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct.diffuse);
+                out.add(state.class.after(Lobe::Glossy).part(), state.throughput * direct.glossy);
+            }
+            if !self.scatter(&mut state, &hit, &directions, depth, samples) {
                 return out;
             }
         }
-        counters.truncated += 1;
+        scratch.counters.truncated += 1;
         out
     }
 }

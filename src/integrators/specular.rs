@@ -1,9 +1,11 @@
 //! Specular reflection and refraction seen from the camera: the second integral of eq. (2), by recursion.
 
+use super::direct::Drawn;
 use crate::bsdf::TransportMode;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::SampleStream;
+pub(super) use crate::sampling::chain_roulette;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 
 /// A path that has met only specular surfaces so far.
@@ -16,28 +18,19 @@ pub(super) struct Branch {
     pub depth: u32,
     /// Share of the camera sample that this branch carries: products of Fresnel terms where paths were split.
     pub share: f32,
+    /// Where a highly glossy lobe drew this ray and lights were sampled as well.
+    pub drawn: Option<Drawn>,
+    /// Whether a highly glossy lobe drew this ray.
+    pub is_glossy: bool,
+    /// Way from the eye to where the ray starts.
+    pub travelled: f32,
 }
 
 /// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
-const SPLIT_DEPTH: u32 = 3;
-
-/// Surfaces after which a chain of specular ones may end: total internal reflection inside a smooth mesh need not end by
-/// itself, and loses nothing on the way.
-const ROULETTE_DEPTH: u32 = 64;
-
-/// Share of the chains that go on at each surface after that.
-const ROULETTE_SURVIVAL: f32 = 0.9;
-
-/// Factor on what a specular chain carries beyond the surface number `depth`; `None` where it ends.
-pub(super) fn chain_roulette(depth: u32, u: impl FnOnce() -> f32) -> Option<f32> {
-    if depth < ROULETTE_DEPTH {
-        return Some(1.0);
-    }
-    (u() < ROULETTE_SURVIVAL).then_some(1.0 / ROULETTE_SURVIVAL)
-}
+pub(super) const SPLIT_DEPTH: u32 = 3;
 
 /// A branch that would carry less than this is not split off but drawn with its probability.
-const SMALLEST_SHARE: f32 = 0.02;
+pub(super) const SMALLEST_SHARE: f32 = 0.02;
 
 /// Pushes what continues from a specular surface. Both ways at an interface while the branch matters, otherwise one,
 /// drawn with the Fresnel term as probability.
@@ -85,5 +78,8 @@ fn push(
         medium,
         depth: parent.depth + 1,
         share: parent.share * share,
+        drawn: None,
+        is_glossy: false,
+        travelled: parent.travelled + hit.distance,
     });
 }

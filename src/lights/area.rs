@@ -1,8 +1,8 @@
 use super::LightSample;
 use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Rgb, unit_f64};
-use crate::sampling::Distribution1D;
-use crate::shapes::EmitterShape;
+use crate::sampling::{Distribution1D, ONE_MINUS_EPSILON, refined};
+use crate::shapes::{EmitterShape, Patch, Sphere};
 use glam::{DVec3, Vec2, Vec3};
 
 /// A surface that emits the same radiance from every point in every direction on its side.
@@ -31,6 +31,8 @@ pub struct EmissionStart {
     pub normal: Vec3,
     /// One over the density of the start per area (and side).
     pub area_over_pdf: f32,
+    /// On the side away from the light's normal.
+    pub back: bool,
     offset: f32,
 }
 
@@ -72,20 +74,41 @@ impl AreaLight {
         self.radiance.as_dvec3() * (std::f64::consts::PI * self.area() * sides)
     }
 
-    /// True where directions to it are drawn by solid angle.
-    pub fn is_sampled_by_solid_angle(&self) -> bool {
-        matches!(self.pieces.as_slice(), [EmitterShape::Sphere(_) | EmitterShape::Quad(_)])
+    /// True where a sample's contribution has no bound, or the light can surround a point, so that most of what is drawn
+    /// uniformly is wasted. False for a rectangle and for a sphere seen from outside: what they cover is drawn by solid
+    /// angle.
+    pub fn needs_bsdf_sampling(&self) -> bool {
+        match self.pieces.as_slice() {
+            [EmitterShape::Quad(quad)] => !quad.is_rectangle(),
+            [EmitterShape::Sphere(_)] => self.emits_inward(),
+            _ => true,
+        }
     }
 
-    /// A point of the surface.
-    pub fn a_point(&self) -> Vec3 {
-        self.sample_start(Vec2::splat(0.5)).off_surface_towards_normal()
+    /// Of a closed shape.
+    fn emits_inward(&self) -> bool {
+        self.two_sided || self.flip_normal
+    }
+
+    /// The only piece, where it is a sphere around `from` that emits inward. The points of the sphere itself belong to
+    /// those inside, wherever rounding put them: it reflects there.
+    fn dome(&self, from: Vec3) -> Option<&Sphere> {
+        match self.pieces.as_slice() {
+            [EmitterShape::Sphere(sphere)] if self.emits_inward() => {
+                let slack = f64::from(8.0 * UNIT_ROUNDOFF * (from.abs().max_element() + self.extent));
+                sphere.encloses(from.as_dvec3(), slack).then_some(sphere)
+            }
+            _ => None,
+        }
     }
 
     pub(super) fn sample_li(&self, from: Vec3, u: Vec2) -> Option<LightSample> {
         let (piece, probability, u) = self.choose(u);
         let reference = from.as_dvec3();
-        let sample = self.pieces[piece].sample_solid_angle(reference, u)?;
+        let sample = match self.dome(from) {
+            Some(sphere) => sphere.sample_inside(reference, u)?,
+            None => self.pieces[piece].sample_solid_angle(reference, u)?,
+        };
         let to_light = sample.position - reference;
         let normal = if self.flip_normal { -sample.normal } else { sample.normal };
         let start = start_at(sample.position, normal, self.extent);
@@ -115,6 +138,9 @@ impl AreaLight {
     /// Density per solid angle with which [`super::Light::sample_li`] draws, from `from`, the direction to `position` on
     /// primitive `primitive` of the surface.
     pub fn pdf_solid_angle(&self, from: Vec3, primitive: u32, position: Vec3) -> f32 {
+        if self.dome(from).is_some() {
+            return Sphere::PDF_INSIDE;
+        }
         let piece = if self.pieces.len() == 1 { 0 } else { primitive as usize };
         let Some(shape) = self.pieces.get(piece) else { return 0.0 };
         self.choice.probability(piece) * shape.pdf_solid_angle(from.as_dvec3(), position.as_dvec3())
@@ -123,31 +149,83 @@ impl AreaLight {
     /// Draws where a photon leaves: uniform over the area, and over the sides where both emit.
     #[inline]
     pub fn sample_start(&self, u: Vec2) -> EmissionStart {
-        let (side, u) = if self.two_sided {
-            let doubled = u.x * 2.0;
-            (doubled >= 1.0, Vec2::new(doubled.fract(), u.y))
+        let x = self.refined_x(u);
+        let (back, x) = if self.two_sided {
+            let doubled = x * 2.0;
+            (doubled >= 1.0, doubled.fract())
         } else {
-            (false, u)
+            (false, x)
         };
-        let (piece, _, u) = self.choose(u);
-        let sample = self.pieces[piece].sample_area(u);
-        let normal = if self.flip_normal != side { -sample.normal } else { sample.normal };
-        EmissionStart { area_over_pdf: self.area_over_pdf, ..start_at(sample.position, normal, self.extent) }
+        self.start(back, x, u)
+    }
+
+    /// [`Self::sample_start`] on the side of the normal or its `back`. The density, per area and side, is the same.
+    #[inline]
+    pub fn sample_side(&self, back: bool, u: Vec2) -> EmissionStart {
+        self.start(back, self.refined_x(u), u)
+    }
+
+    /// The first coordinate, with more digits where it has to choose between pieces as well.
+    #[inline]
+    fn refined_x(&self, u: Vec2) -> f64 {
+        if self.is_chosen() { refined(u) } else { f64::from(u.x) }
     }
 
     #[inline]
-    fn choose(&self, u: Vec2) -> (usize, f32, Vec2) {
-        if self.pieces.len() == 1 {
-            return (0, 1.0, u);
+    fn start(&self, back: bool, x: f64, u: Vec2) -> EmissionStart {
+        let (piece, _, u) = self.choose_by(x, u);
+        let sample = self.pieces[piece].sample_area(u);
+        let normal = if self.flip_normal != back { -sample.normal } else { sample.normal };
+        EmissionStart {
+            area_over_pdf: self.area_over_pdf,
+            back,
+            ..start_at(sample.position, normal, self.extent)
         }
-        let (piece, probability, rest) = self.choice.sample(u.x);
+    }
+
+    /// A bound on where [`Self::sample_side`] goes for random numbers from `low` to `high`.
+    pub fn patch(&self, back: bool, low: Vec2, high: Vec2) -> Option<Patch> {
+        let high = high.min(Vec2::splat(ONE_MINUS_EPSILON));
+        let ((first, _, from), (last, _, to)) = (self.choose(low), self.choose(high));
+        let patch = if first == last {
+            Some(self.pieces[first].patch(from, to))
+        } else {
+            let whole = |piece: &EmitterShape| piece.patch(Vec2::ZERO, Vec2::ONE);
+            Patch::union(&self.pieces[first..=last].iter().map(whole).collect::<Vec<_>>())
+        };
+        patch.map(|patch| if self.flip_normal != back { patch.flipped() } else { patch })
+    }
+
+    /// Shapes or triangles that it consists of.
+    pub fn piece_count(&self) -> usize {
+        self.pieces.len()
+    }
+
+    /// Whether both sides emit.
+    pub fn is_two_sided(&self) -> bool {
+        self.two_sided
+    }
+
+    /// A piece, its probability, and the point with what the choice left of its first coordinate.
+    #[inline]
+    fn choose(&self, u: Vec2) -> (usize, f32, Vec2) {
+        if self.is_chosen() { self.choose_by(refined(u), u) } else { (0, 1.0, u) }
+    }
+
+    /// [`Self::choose`] by `x` in place of the first coordinate.
+    #[inline]
+    fn choose_by(&self, x: f64, u: Vec2) -> (usize, f32, Vec2) {
+        if !self.is_chosen() {
+            return (0, 1.0, Vec2::new((x as f32).min(ONE_MINUS_EPSILON), u.y));
+        }
+        let (piece, probability, rest) = self.choice.sample(x);
         (piece, probability, Vec2::new(rest, u.y))
     }
-}
 
-impl EmissionStart {
-    fn off_surface_towards_normal(&self) -> Vec3 {
-        self.off_surface(self.normal)
+    /// True where there is more than one piece.
+    #[inline]
+    fn is_chosen(&self) -> bool {
+        self.pieces.len() > 1
     }
 }
 
@@ -161,6 +239,7 @@ fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
         position: rounded,
         normal: n,
         area_over_pdf: 0.0,
+        back: false,
         offset: 2.0 * n.abs().dot(error + rounded.abs() * UNIT_ROUNDOFF),
     }
 }

@@ -137,20 +137,28 @@ impl Light {
     /// sample is unbounded.
     pub fn needs_bsdf_sampling(&self) -> bool {
         match self {
-            Self::Area(area) => !area.is_sampled_by_solid_angle(),
+            Self::Area(area) => area.needs_bsdf_sampling(),
             Self::Point(_) | Self::Directional(_) => false,
             Self::Environment(_) => true,
         }
     }
 
-    /// A point of the light, or outside everything for light from infinity: where its medium is looked up.
-    pub fn a_point(&self) -> Vec3 {
+    /// Points just off the light on the side of its normal, or on its `back`, where its medium is looked up, with the normal
+    /// on that side; outside everything for light from infinity. Zero where there is no normal.
+    pub fn points(&self, back: bool) -> Vec<(Vec3, Vec3)> {
         match self {
-            Self::Area(area) => area.a_point(),
-            Self::Point(point) => point.position,
+            Self::Area(area) => (0..4)
+                .map(|i| {
+                    // The middles of four cells of which no two share a row or a column.
+                    let u = Vec2::new(i as f32 + 0.5, [1.5, 3.5, 0.5, 2.5][i]) * 0.25;
+                    let start = area.sample_side(back, u);
+                    (start.off_surface(start.normal), start.normal)
+                })
+                .collect(),
+            Self::Point(point) => vec![(point.position, Vec3::ZERO)],
             // Render space fits the unit sphere.
-            Self::Directional(sun) => sun.direction * -10.0,
-            Self::Environment(_) => Vec3::new(0.0, 10.0, 0.0),
+            Self::Directional(sun) => vec![(sun.direction * -10.0, Vec3::ZERO)],
+            Self::Environment(_) => vec![(Vec3::new(0.0, 10.0, 0.0), Vec3::ZERO)],
         }
     }
 }

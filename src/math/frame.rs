@@ -26,6 +26,18 @@ impl Frame {
         }
     }
 
+    /// A frame around the unit vector `z` whose `x` is the direction of `tangent` within the surface; as
+    /// [`Self::from_z`] where it has none.
+    #[inline]
+    pub fn with_tangent(z: Vec3, tangent: Vec3) -> Self {
+        // Twice, so that what rounding leaves of the normal's direction in a nearly parallel tangent goes too.
+        let within = |v: Vec3| super::unit(v - z * z.dot(v));
+        match super::unit(tangent).and_then(within).and_then(within) {
+            Some(x) => Self { x, y: z.cross(x), z },
+            None => Self::from_z(z),
+        }
+    }
+
     /// Coordinates of the world vector `v` in this frame.
     #[inline]
     pub fn to_local(&self, v: Vec3) -> Vec3 {

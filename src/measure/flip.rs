@@ -2,9 +2,8 @@
 //! (Andersson, Nilsson, Akenine-Moller, Oskarsson, Astrom & Fairchild, "FLIP: A Difference Evaluator for
 //! Alternating Images", HPG 2020).
 //!
-//! Our own code, after the paper and the authors' `flip_loss.py`, since the crate `nv-flip` has had no release since
-//! 2023, brings a C++ build along, and takes pictures of 8 bits, which loses the last digits of a figure that is
-//! compared between runs.
+//! Our own code, after the paper and the authors' `flip_loss.py`: the crate `nv-flip` brings a C++ build along, and takes
+//! pictures of 8 bits, which loses the last digits of a figure that is compared between runs.
 
 use super::{MeasureError, Picture};
 use crate::math::Rgb;

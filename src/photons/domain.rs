@@ -15,6 +15,10 @@ pub const FEELERS: usize = 16;
 /// A domain that keeps less than this share of its disc says more about the feelers than about the place.
 const SMALLEST_SHARE: f32 = 0.1;
 
+/// Length of feelers over the radius: of eight, each 22.5 degrees or less from the normal of a straight wall, one meets
+/// every wall that crosses the disc.
+const STRETCH: f32 = 1.083;
+
 /// Directions of the feelers in the tangent plane, evenly spaced in the angle of the diamond `|x| + |y| = 1`, so that the
 /// sector of a point is found without an arc tangent.
 fn direction(feeler: usize) -> Vec2 {
@@ -54,24 +58,35 @@ pub struct KernelDomain {
 
 impl KernelDomain {
     /// The domain of a disc of `radius` around a point with this unit `normal`, where `reach` tells how far one can go
-    /// in a unit direction of the tangent plane before something stands in the way; `None` for nothing within the radius.
+    /// in a unit direction of the tangent plane before something stands in the way; `None` for nothing within the length
+    /// that it is given as well, which is somewhat more than the radius.
     ///
     /// `None` where the whole disc can be seen, or next to nothing of it.
-    pub fn feel(normal: Vec3, radius: f32, reach: impl Fn(Vec3) -> Option<f32>) -> Option<Self> {
+    pub fn feel(normal: Vec3, radius: f32, reach: impl Fn(Vec3, f32) -> Option<f32>) -> Option<Self> {
         let frame = Frame::from_z(normal);
-        let mut domain = Self { frame, radius, reach: [radius; FEELERS] };
+        let length = STRETCH * radius;
+        let mut domain = Self { frame, radius, reach: [length; FEELERS] };
         let mut free = true;
-        for (feeler, distance) in domain.reach.iter_mut().enumerate() {
+        let mut feel = |feeler: usize| {
             let d = direction(feeler);
-            if let Some(found) = reach(frame.x * d.x + frame.y * d.y) {
-                *distance = found.clamp(0.0, radius);
-                free &= *distance >= radius;
+            if let Some(found) = reach(frame.x * d.x + frame.y * d.y, length) {
+                domain.reach[feeler] = found.clamp(0.0, length);
+                free &= found >= length;
             }
-        }
+            free
+        };
+        // Every other one first: where all of those are free, what the others could meet is thin.
+        let even_are_free = (0..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
+        let free = even_are_free || (1..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
         if free || domain.mean_weight(Kernel::Constant) < SMALLEST_SHARE {
             return None;
         }
         Some(domain)
+    }
+
+    /// How far one can go from the centre in every direction that was felt.
+    pub fn least_reach(&self) -> f32 {
+        self.reach.iter().copied().fold(f32::INFINITY, f32::min)
     }
 
     /// True where the point at `offset` from the centre can be seen from it.
@@ -87,11 +102,12 @@ impl KernelDomain {
         (b - a).perp_dot(p - a) >= 0.0
     }
 
-    /// Ends of the feelers on both sides of a sector; `None` where both reach the rim.
+    /// Ends of the feelers on both sides of a sector; `None` where both reach beyond the rim.
     fn ends(&self, sector: usize) -> Option<(Vec2, Vec2)> {
         let next = (sector + 1) % FEELERS;
         let (a, b) = (self.reach[sector], self.reach[next]);
-        (a < self.radius || b < self.radius).then(|| (direction(sector) * a, direction(next) * b))
+        let length = STRETCH * self.radius;
+        (a < length || b < length).then(|| (direction(sector) * a, direction(next) * b))
     }
 
     /// Integral of the kernel over the domain, divided by the area of the whole disc: what
@@ -146,8 +162,8 @@ mod tests {
         [Kernel::Constant, Kernel::Cone { k: 1.0 }, Kernel::Epanechnikov, Kernel::Gaussian];
 
     /// A wall `x = distance` and nothing else.
-    fn wall(distance: f32) -> impl Fn(Vec3) -> Option<f32> {
-        move |d: Vec3| (d.x > 0.0).then(|| distance / d.x)
+    fn wall(distance: f32) -> impl Fn(Vec3, f32) -> Option<f32> {
+        move |d: Vec3, _| (d.x > 0.0).then(|| distance / d.x)
     }
 
     #[test]
@@ -161,9 +177,26 @@ mod tests {
 
     #[test]
     fn a_disc_in_the_open_is_whole() {
-        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_| None).is_none());
-        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_| Some(2.0)).is_none());
-        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_| Some(0.0)).is_none());
+        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| None).is_none());
+        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| Some(2.0)).is_none());
+        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| Some(0.0)).is_none());
+    }
+
+    #[test]
+    fn no_straight_wall_is_missed() {
+        for distance in [0.3, 0.9, 0.95, 0.99] {
+            for step in 0..200 {
+                let normal = Vec2::from_angle(step as f32 / 200.0 * std::f32::consts::TAU);
+                let frame = Frame::from_z(Vec3::Z);
+                let wall = |d: Vec3, length: f32| {
+                    let ahead = Vec2::new(d.dot(frame.x), d.dot(frame.y)).dot(normal);
+                    (ahead > 0.0).then(|| distance / ahead).filter(|&found| found <= length)
+                };
+                let domain = KernelDomain::feel(Vec3::Z, 1.0, wall).unwrap();
+                let behind = frame.to_world((normal * (distance + 0.009)).extend(0.0));
+                assert!(!domain.contains(behind), "{distance} {normal}");
+            }
+        }
     }
 
     #[test]

@@ -1,12 +1,13 @@
 use super::domain::KernelDomain;
 use super::estimate::EstimateParams;
-use super::kd_tree::{KdTree, Metric, Point};
+use super::kd_tree::{KdTree, Point};
 use super::map::{MIN_NORMAL_COS, NearestOne, PhotonMap, Query, Scratch, index_of};
 use super::photon::{Acceptance, PhotonClasses, normal_code};
 use crate::math::{Rgb, Rgbe};
 use crate::sampling::mix;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::cell::Cell;
 
 /// Points in a leaf: few, since a search wants one.
 const LEAF: usize = 8;
@@ -14,17 +15,20 @@ const LEAF: usize = 8;
 /// Irradiance at some photons of a map, ready to be read by final gather rays (Christensen, "Faster Photon Map Global
 /// Illumination", Journal of Graphics Tools 4(3), 1999).
 ///
-/// The points have a tree of their own. 19 bytes a point.
+/// The points have a tree of their own. 23 bytes a point.
 #[derive(Clone, Debug)]
 pub struct IrradianceMap {
     tree: KdTree<LEAF>,
-    values: Vec<Rgbe>,
+    /// Irradiance, and how far one can go from the point in every direction before something stands in the way, as far
+    /// as feelers told; infinite in the open.
+    values: Vec<(Rgbe, f32)>,
 }
 
 #[derive(Clone, Copy)]
 struct IrradiancePoint {
     position: Vec3,
     irradiance: Rgbe,
+    reach: f32,
     /// Code of the normal, in the bits where a photon's flags have it.
     normal: u16,
 }
@@ -71,28 +75,60 @@ impl PhotonMap {
         stride: usize,
         domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
     ) -> IrradianceMap {
+        self.precompute_parts(template, params, stride, domain, &|| false)
+    }
+
+    /// [`Self::precompute_irradiance_visible`]; `None` once `stop` says so, which then must go on saying so.
+    pub fn precompute_irradiance_until(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        stride: usize,
+        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<IrradianceMap> {
+        let map = self.precompute_parts(template, params, stride, domain, stop);
+        (!stop()).then_some(map)
+    }
+
+    fn precompute_parts(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        stride: usize,
+        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> IrradianceMap {
         let stride = stride.max(1);
         let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
             .map_init(Scratch::default, |scratch, i| {
                 let photon = self.photon(i * stride);
                 let normal = photon.normal();
+                if stop() {
+                    let (irradiance, reach) = (Rgbe::default(), 0.0);
+                    return IrradiancePoint { position: photon.position, irradiance, reach, normal: 0 };
+                }
                 let query = template.at(photon.position, normal);
+                let reach = Cell::new(f32::INFINITY);
                 let irradiance = self
                     .estimate_irradiance_visible(&query, params, scratch, |radius| {
-                        domain(photon.position, normal, radius)
+                        let domain = domain(photon.position, normal, radius);
+                        reach.set(domain.as_ref().map_or(f32::INFINITY, KernelDomain::least_reach));
+                        domain
                     })
                     .value;
                 let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
                 IrradiancePoint {
                     position: photon.position,
                     irradiance: Rgbe::encode_dithered(irradiance, dither),
+                    reach: reach.get(),
                     normal: normal_code(normal),
                 }
             })
             .collect();
         let tree = KdTree::build(&mut points);
-        IrradianceMap { tree, values: points.iter().map(|point| point.irradiance).collect() }
+        IrradianceMap { tree, values: points.iter().map(|point| (point.irradiance, point.reach)).collect() }
     }
 }
 
@@ -109,16 +145,27 @@ impl IrradianceMap {
 
     /// Bytes that points and search structure take.
     pub fn memory_bytes(&self) -> usize {
-        self.tree.memory_bytes() + self.values.capacity() * size_of::<Rgbe>()
+        self.tree.memory_bytes() + self.values.capacity() * size_of::<(Rgbe, f32)>()
     }
 
     /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit
-    /// vector `normal` ([`MIN_NORMAL_COS`]); `None` where there is none within `max_radius`.
+    /// vector `normal` ([`MIN_NORMAL_COS`]) and which nothing separates from there: a point at the foot of a wall does not
+    /// answer for what lies behind the wall. Where all are so close to something, the nearest. `None` where there is
+    /// none within `max_radius`.
     pub fn nearest(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
         let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
-        let mut visitor = NearestOne::new(max_radius, |_, normal| acceptance.accepts(normal));
-        self.tree.search(&Metric::sphere(position), &mut visitor);
-        visitor.best().map(|key| self.values[index_of(key)].decode())
+        let search = |is_open: &dyn Fn(usize, f32) -> bool| {
+            let mut visitor = NearestOne::new(max_radius, |index: usize, normal, distance_squared, _| {
+                (acceptance.accepts(normal) && is_open(index, distance_squared)).then_some(distance_squared)
+            });
+            self.tree.search(position, &mut visitor);
+            visitor.best().map(|key| self.values[index_of(key)].0.decode())
+        };
+        search(&|index, distance_squared| {
+            let reach = self.values[index].1;
+            distance_squared <= reach * reach
+        })
+        .or_else(|| search(&|_, _| true))
     }
 }
 
@@ -196,7 +243,7 @@ mod tests {
         assert!(irradiance.nearest(above, Vec3::Y, 0.1).is_none());
         assert!(irradiance.nearest(above, Vec3::Y, -1.0).is_none());
         assert!(irradiance.nearest(Vec3::NAN, Vec3::Y, 1.0).is_none());
-        assert!(irradiance.memory_bytes() < 20 * irradiance.len());
+        assert!(irradiance.memory_bytes() < 24 * irradiance.len());
         let none = PhotonMap::build(Vec::new(), 0).precompute_irradiance(&template(50), &params, 0);
         assert!(none.is_empty() && none.nearest(above, Vec3::Y, 1.0).is_none());
     }

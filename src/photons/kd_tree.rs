@@ -27,13 +27,40 @@ struct Node {
     axis: u32,
 }
 
-/// `L` points, coordinate by coordinate, with the tags at hand, as candidates need them at once; places beyond the last point hold NaN, which no search accepts.
+/// `L` points, coordinate by coordinate, with the tags at hand, as candidates need them at once; places beyond the last
+/// point hold NaN, which no search accepts.
 #[derive(Clone, Copy, Debug)]
-struct Block<const L: usize> {
+pub(super) struct Block<const L: usize> {
     x: [f32; L],
     y: [f32; L],
     z: [f32; L],
     tags: [u16; L],
+}
+
+impl<const L: usize> Block<L> {
+    /// Position of the point in `lane`.
+    #[inline]
+    pub(super) fn position(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
+    }
+
+    /// Tag of the point in `lane`.
+    #[inline]
+    pub(super) fn tag(&self, lane: usize) -> u16 {
+        self.tags[lane]
+    }
+
+    /// Squared distances to `p`, NaN where there is no point.
+    ///
+    /// The sum runs in the order of the cell distance in [`KdTree::search`]: rounding is monotone, so a cell is
+    /// never measured farther than a point in it, and pruning drops nothing.
+    #[inline]
+    fn distances_squared(&self, p: Vec3) -> [f32; L] {
+        std::array::from_fn(|i| {
+            let (x, y, z) = (self.x[i] - p.x, self.y[i] - p.y, self.z[i] - p.z);
+            x * x + y * y + z * z
+        })
+    }
 }
 
 /// Slices shorter than this are split by one thread.
@@ -48,7 +75,6 @@ pub(super) struct KdTree<const L: usize> {
     nodes: Vec<Node>,
     blocks: Vec<Block<L>>,
     len: usize,
-    max_coordinate: f32,
 }
 
 /// A subtree that a search has put off.
@@ -65,51 +91,8 @@ struct Pending {
 pub(super) trait Visitor<const L: usize> {
     /// Squared distance beyond which nothing is wanted any more.
     fn bound(&self) -> f32;
-    /// Takes the squared distances of the points `first..first + L`, NaN where there is none, and their tags.
-    fn visit(&mut self, first: u32, distances_squared: &[f32; L], tags: &[u16; L]);
-}
-
-/// The measure of distance from a query point.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Metric {
-    position: Vec3,
-    normal: Vec3,
-    /// Weight of the squared distance along the normal, over and above its share of the Euclidean one.
-    flattening: f32,
-}
-
-impl Metric {
-    /// Euclidean distance from `position`.
-    pub(super) fn sphere(position: Vec3) -> Self {
-        Self { position, normal: Vec3::ZERO, flattening: 0.0 }
-    }
-
-    /// `|v|^2 + (flatness^2 - 1) (v . normal)^2` with `v` from `position`: never less than the Euclidean distance,
-    /// so that a cell too far for that one is too far for this.
-    pub(super) fn disc(position: Vec3, normal: Vec3, flatness: f32) -> Self {
-        Self { position, normal, flattening: flatness * flatness - 1.0 }
-    }
-
-    /// Squared distances to the points of `block`.
-    ///
-    /// The sum runs in the order of the cell distance in [`KdTree::search`]: rounding is monotone, so a cell is
-    /// never measured farther than a point in it, and pruning drops nothing.
-    #[inline]
-    fn distances_squared<const L: usize>(&self, block: &Block<L>) -> [f32; L] {
-        let (p, n) = (self.position, self.normal);
-        let offset = |i: usize| (block.x[i] - p.x, block.y[i] - p.y, block.z[i] - p.z);
-        if self.flattening == 0.0 {
-            return std::array::from_fn(|i| {
-                let (x, y, z) = offset(i);
-                x * x + y * y + z * z
-            });
-        }
-        std::array::from_fn(|i| {
-            let (x, y, z) = offset(i);
-            let height = x * n.x + y * n.y + z * n.z;
-            (x * x + y * y + z * z) + self.flattening * (height * height)
-        })
-    }
+    /// Takes the squared distances of the points `first..first + L`, NaN where there is none, and the points.
+    fn visit(&mut self, first: u32, distances_squared: &[f32; L], block: &Block<L>);
 }
 
 impl<const L: usize> KdTree<L> {
@@ -117,13 +100,17 @@ impl<const L: usize> KdTree<L> {
     ///
     /// The tree is a function of the set of points: neither their order nor the number of threads matters.
     pub(super) fn build<P: Point>(points: &mut [P]) -> Self {
+        Self::build_until(points, &|| false)
+    }
+
+    /// [`Self::build`], given up once `stop` says so: the tree is then of no use.
+    pub(super) fn build_until<P: Point>(points: &mut [P], stop: &(dyn Fn() -> bool + Sync)) -> Self {
         let count = points.len().div_ceil(L);
         let mut nodes = vec![Node::default(); count.saturating_sub(1)];
         let extent = Extent::of(points);
-        split::<P, L>(points, extent, &mut nodes);
+        split::<P, L>(points, extent, &mut nodes, stop);
         let blocks = points.par_chunks(L).with_min_len(256).map(block_of).collect();
-        let max_coordinate = if points.is_empty() { 0.0 } else { extent.max_coordinate() };
-        Self { nodes, blocks, len: points.len(), max_coordinate }
+        Self { nodes, blocks, len: points.len() }
     }
 
     /// Count of points.
@@ -131,15 +118,9 @@ impl<const L: usize> KdTree<L> {
         self.len
     }
 
-    /// Largest absolute coordinate of any point; zero without points.
-    pub(super) fn max_coordinate(&self) -> f32 {
-        self.max_coordinate
-    }
-
     /// Position of point `index` in the tree's order.
     pub(super) fn position(&self, index: usize) -> Vec3 {
-        let (block, lane) = (&self.blocks[index / L], index % L);
-        Vec3::new(block.x[lane], block.y[lane], block.z[lane])
+        self.blocks[index / L].position(index % L)
     }
 
     /// Tag of point `index` in the tree's order.
@@ -152,13 +133,13 @@ impl<const L: usize> KdTree<L> {
         self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<Block<L>>()
     }
 
-    /// Shows `visitor` every leaf that may hold a point within its bound, near ones first.
+    /// Shows `visitor` every leaf that may hold a point within its bound of `position`, near ones first.
     #[inline]
-    pub(super) fn search(&self, metric: &Metric, visitor: &mut impl Visitor<L>) {
+    pub(super) fn search(&self, position: Vec3, visitor: &mut impl Visitor<L>) {
         if self.blocks.is_empty() {
             return;
         }
-        let p = metric.position.to_array();
+        let p = position.to_array();
         let root = Pending {
             first: 0,
             count: self.blocks.len() as u32,
@@ -191,7 +172,7 @@ impl<const L: usize> KdTree<L> {
                 }
             }
             let block = &self.blocks[here.first as usize];
-            visitor.visit(here.first * L as u32, &metric.distances_squared(block), &block.tags);
+            visitor.visit(here.first * L as u32, &block.distances_squared(position), block);
             loop {
                 if height == 0 {
                     return;
@@ -212,8 +193,16 @@ impl<const L: usize> KdTree<L> {
 /// it, as in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of the
 /// wall into cells that overlap, and searches would start in the wrong one. Then the next widest side is tried, and
 /// where all three are tied, the order by all that points have decides.
-fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut [Node]) {
+fn split<P: Point, const L: usize>(
+    points: &mut [P],
+    extent: Extent,
+    nodes: &mut [Node],
+    stop: &(dyn Fn() -> bool + Sync),
+) {
     let count = nodes.len() + 1;
+    if count * L > PARALLEL_LENGTH && stop() {
+        return;
+    }
     if count == 1 {
         points.sort_unstable_by(everything);
         return;
@@ -239,8 +228,8 @@ fn split<P: Point, const L: usize>(points: &mut [P], extent: Extent, nodes: &mut
     let (low_nodes, rest) = nodes.split_at_mut(left - 1);
     let (node, high_nodes) = rest.split_at_mut(1);
     node[0] = Node { split, axis: axis as u32 };
-    let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes);
-    let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes);
+    let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes, stop);
+    let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes, stop);
     if count * L > PARALLEL_LENGTH {
         rayon::join(split_low, split_high);
     } else {
@@ -295,10 +284,6 @@ impl Extent {
         let mut axes = [0, 1, 2];
         axes.sort_by(|&a, &b| sides[b].total_cmp(&sides[a]));
         axes
-    }
-
-    fn max_coordinate(&self) -> f32 {
-        self.low.abs().max(self.high.abs()).max_element()
     }
 }
 

@@ -33,7 +33,9 @@ pub enum Estimator {
 pub enum SearchRegion {
     /// A sphere.
     Sphere,
-    /// An ellipsoid flattened along the normal, so that surfaces nearby that face elsewhere are left out.
+    /// A sphere flattened across the surface, so that other surfaces nearby are left out, also those that face the same
+    /// way. What counts is the height over a surface of even curvature between the photon and the place that is looked
+    /// up, which both normals tell; so on round things it is the sphere.
     Disc,
 }
 

@@ -1,5 +1,5 @@
 use super::SearchRegion;
-use super::kd_tree::{KdTree, Metric, Point, Visitor};
+use super::kd_tree::{Block, KdTree, Point, Visitor};
 use super::photon::{Acceptance, Payload, Photon, PhotonClass, PhotonClasses};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -8,12 +8,34 @@ use rayon::prelude::*;
 /// Points in a leaf. With 16 instead, a tree takes longer to build and to search for 80 photons.
 pub(super) const LEAF: usize = 32;
 
-/// How many times the ellipsoid of [`SearchRegion::Disc`] is wider than high.
+/// How many times the neighbourhood of [`SearchRegion::Disc`] is wider than high.
 ///
-/// It keeps photons of a parallel surface out of an estimate whose radius is below four times the distance. The price
-/// is paid on curved surfaces: at curvature radius `R` estimates are low by the factor `1 + 3.75 (r / R)^2`, 4 % at
-/// `r = R / 10`, where the sphere is exact (a cap of chord `r` has the area `pi r^2`).
+/// It keeps photons of a parallel surface out of an estimate whose radius is below four times the distance.
 pub const DISC_FLATNESS: f32 = 4.0;
+
+/// Sine of the angle, 5.7 degrees, up to which a photon counts as lying in the surface of the query: the rounding of
+/// stored normals ([`super::NORMAL_ERROR`], of which half goes into the mean of two) and the facets of a mesh that
+/// stands for something round tilt it so far.
+const IN_SURFACE: f32 = 0.1;
+
+/// Squared distance by which [`SearchRegion::Disc`] orders photons.
+///
+/// `v` leads from the query to the photon, `normals` is the sum of both unit normals, and `distance_squared` is
+/// `|v|^2`. Any chord of a circle is at a right angle to the sum of the normals at its ends, so on surfaces of even
+/// curvature the height `h = v . normals / |normals|` is zero, as it is in a plane; on a parallel surface it is the
+/// distance. The result is `|v|^2` for what is in the surface, so that the area searched is that of the sphere, which
+/// is `pi r^2` on planes and on spheres (a cap of chord `r`) and larger by `r^2 / 32 R^2` on cylinders.
+#[inline]
+fn flattened(distance_squared: f32, v: Vec3, normals: Vec3) -> f32 {
+    let (along, scale) = (v.dot(normals), normals.length_squared());
+    let allowed = IN_SURFACE * IN_SURFACE * distance_squared;
+    // Nearly always, and without a division.
+    if along * along <= allowed * scale {
+        return distance_squared;
+    }
+    let outside = (along * along / scale - allowed).max(0.0);
+    distance_squared + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * outside
+}
 
 /// Least cosine between the normals of a photon and of the place that is looked up: 45 degrees, as for the brick maps
 /// of Christensen & Batali 2004, and four more for the rounding of a stored normal ([`super::NORMAL_ERROR`]),
@@ -38,6 +60,9 @@ pub struct Query {
     pub min_normal_cos: f32,
     /// Classes of photons that are wanted.
     pub classes: PhotonClasses,
+    /// Whether estimates take fewer photons than [`Self::k`] where more of them change the value in one direction only:
+    /// the differential checking of Jensen & Christensen 1995, section 3.3. Searches do not look at it.
+    pub differential_check: bool,
 }
 
 impl Query {
@@ -51,6 +76,7 @@ impl Query {
             region: SearchRegion::Sphere,
             min_normal_cos: MIN_NORMAL_COS,
             classes: PhotonClasses::LIGHT,
+            differential_check: false,
         }
     }
 
@@ -63,13 +89,6 @@ impl Query {
     pub fn at(&self, position: Vec3, normal: Vec3) -> Self {
         Self { position, normal, ..*self }
     }
-
-    fn metric(&self) -> Metric {
-        match self.region {
-            SearchRegion::Sphere => Metric::sphere(self.position),
-            SearchRegion::Disc => Metric::disc(self.position, self.normal, DISC_FLATNESS),
-        }
-    }
 }
 
 /// Memory that searches use again and again; one for each thread.
@@ -77,6 +96,14 @@ impl Query {
 pub struct Scratch {
     /// Squared distance in the high half, index in the low one: integers in the order of distance.
     keys: Vec<u64>,
+    visited: u64,
+}
+
+impl Scratch {
+    /// Count of photons that all searches so far have looked at: the cost of look-ups, apart from the machine's speed.
+    pub fn visited(&self) -> u64 {
+        self.visited
+    }
 }
 
 /// What a search found.
@@ -165,14 +192,24 @@ impl PhotonMap {
     ///
     /// # Panics
     /// With 2^32 photons or more, which would take 86 GB.
-    pub fn build(mut photons: Vec<Photon>, emitted: u64) -> Self {
+    pub fn build(photons: Vec<Photon>, emitted: u64) -> Self {
+        Self::build_parts(photons, emitted, &|| false)
+    }
+
+    /// [`Self::build`]; `None` once `stop` says so, which then must go on saying so.
+    pub fn build_until(photons: Vec<Photon>, emitted: u64, stop: &(dyn Fn() -> bool + Sync)) -> Option<Self> {
+        let map = Self::build_parts(photons, emitted, stop);
+        (!stop()).then_some(map)
+    }
+
+    fn build_parts(mut photons: Vec<Photon>, emitted: u64, stop: &(dyn Fn() -> bool + Sync)) -> Self {
         let given = photons.len();
         if !photons.par_iter().with_min_len(4096).all(|photon| photon.position.is_finite()) {
             photons.retain(|photon| photon.position.is_finite());
         }
         assert!(u32::try_from(photons.len() + LEAF).is_ok(), "a photon map holds less than 2^32 photons");
         let dropped = (given - photons.len()) as u64;
-        let tree = KdTree::build(&mut photons);
+        let tree = KdTree::build_until(&mut photons, stop);
         let payloads = photons.par_iter().with_min_len(4096).map(Photon::payload).collect();
         Self { tree, payloads, emitted, dropped }
     }
@@ -245,6 +282,12 @@ impl PhotonMap {
         &self.payloads[index]
     }
 
+    /// Class of photon `index`.
+    #[inline]
+    pub fn class(&self, index: usize) -> PhotonClass {
+        super::photon::decode_class(self.tree.tag(index))
+    }
+
     #[inline]
     pub(super) fn position(&self, index: usize) -> Vec3 {
         self.tree.position(index)
@@ -252,14 +295,6 @@ impl PhotonMap {
 
     pub(super) fn power(&self, index: usize) -> Rgb {
         self.payloads[index].power()
-    }
-
-    /// Radius below which distances are rounding noise: eight times the spacing of `f32` at the largest coordinate
-    /// of the map or the query.
-    pub(super) fn least_radius(&self, position: Vec3) -> f32 {
-        let largest = self.tree.max_coordinate().max(position.abs().max_element());
-        // 1e-18 keeps the square within the normal range for a map that sits at the origin.
-        (8.0 * f32::EPSILON * largest).max(1e-18)
     }
 
     /// The photons that `query` asks for. Allocates only while `scratch` has not yet seen a search of this size.
@@ -274,21 +309,38 @@ impl PhotonMap {
             k: query.k.min(self.len()).max(1),
             bound: if query.max_radius >= 0.0 { query.max_radius * query.max_radius } else { -1.0 },
             accept,
+            blocks: 0,
         };
         if query.k > 0 {
-            self.tree.search(&query.metric(), &mut collector);
+            match query.region {
+                SearchRegion::Sphere => self.tree.search(query.position, &mut collector),
+                SearchRegion::Disc => {
+                    self.tree.search(
+                        query.position,
+                        &mut Flat { centre: query.position, collector: &mut collector },
+                    );
+                }
+            }
         }
+        let blocks = collector.blocks;
         let len = collector.finish();
+        scratch.visited += blocks * LEAF as u64;
         Neighbours { keys: &scratch.keys[..len], complete: len > 0 && len == query.k }
     }
 
     /// The nearest photon that `query` accepts and `accept` too, and its squared distance. [`Query::k`] is ignored.
     pub fn nearest_one(&self, query: &Query, accept: impl Fn(&Photon) -> bool) -> Option<(usize, f32)> {
         let acceptance = Acceptance::new(query.normal, query.min_normal_cos, query.classes);
-        let mut visitor = NearestOne::new(query.max_radius, |index: usize, flags| {
-            acceptance.accepts(flags) && accept(&self.photon(index))
-        });
-        self.tree.search(&query.metric(), &mut visitor);
+        let measure = |index: usize, flags, distance_squared, position: Vec3| {
+            let (accepted, normals) = acceptance.judge(flags);
+            let distance_squared = match query.region {
+                SearchRegion::Sphere => distance_squared,
+                SearchRegion::Disc => flattened(distance_squared, position - query.position, normals),
+            };
+            (accepted && accept(&self.photon(index))).then_some(distance_squared)
+        };
+        let mut visitor = NearestOne::new(query.max_radius, measure);
+        self.tree.search(query.position, &mut visitor);
         visitor.best().map(|key| (index_of(key), distance_squared_of(key)))
     }
 }
@@ -301,6 +353,8 @@ struct Collector<'a> {
     k: usize,
     bound: f32,
     accept: Acceptance,
+    /// Leaves seen.
+    blocks: u64,
 }
 
 impl Collector<'_> {
@@ -322,14 +376,16 @@ impl Collector<'_> {
     }
 }
 
-impl Visitor<LEAF> for Collector<'_> {
+impl Collector<'_> {
+    /// Takes those points of a block within the bound for which `judge` says so, at the squared distance it gives.
     #[inline]
-    fn bound(&self) -> f32 {
-        self.bound
-    }
-
-    #[inline]
-    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], tags: &[u16; LEAF]) {
+    fn take(
+        &mut self,
+        first: u32,
+        distances_squared: &[f32; LEAF],
+        mut judge: impl FnMut(&Acceptance, usize, f32) -> (bool, f32),
+    ) {
+        self.blocks += 1;
         if self.keys.len() < self.len + LEAF {
             self.keys.resize(2 * (self.len + LEAF), 0);
         }
@@ -343,8 +399,10 @@ impl Visitor<LEAF> for Collector<'_> {
         let mut accepted = 0;
         for i in 0..near {
             let key = out[i];
-            out[accepted] = key;
-            accepted += usize::from(self.accept.accepts(tags[index_of(key) % LEAF]));
+            let (accept, distance_squared) =
+                judge(&self.accept, index_of(key) % LEAF, distance_squared_of(key));
+            out[accepted] = key_of(index_of(key) as u32, distance_squared);
+            accepted += usize::from(accept & (distance_squared <= self.bound));
         }
         self.len += accepted;
         if self.len >= 2 * self.k + 8 {
@@ -353,21 +411,57 @@ impl Visitor<LEAF> for Collector<'_> {
     }
 }
 
+impl Visitor<LEAF> for Collector<'_> {
+    #[inline]
+    fn bound(&self) -> f32 {
+        self.bound
+    }
+
+    #[inline]
+    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], block: &Block<LEAF>) {
+        self.take(first, distances_squared, |acceptance, lane, distance_squared| {
+            (acceptance.accepts(block.tag(lane)), distance_squared)
+        });
+    }
+}
+
+/// A [`Collector`] that orders photons as [`SearchRegion::Disc`] does.
+struct Flat<'a, 'b> {
+    centre: Vec3,
+    collector: &'a mut Collector<'b>,
+}
+
+impl Visitor<LEAF> for Flat<'_, '_> {
+    #[inline]
+    fn bound(&self) -> f32 {
+        self.collector.bound
+    }
+
+    #[inline]
+    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], block: &Block<LEAF>) {
+        self.collector.take(first, distances_squared, |acceptance, lane, distance_squared| {
+            let (accepted, normals) = acceptance.judge(block.tag(lane));
+            (accepted, flattened(distance_squared, block.position(lane) - self.centre, normals))
+        });
+    }
+}
+
 /// Keeps the nearest accepted point.
 pub(super) struct NearestOne<F> {
     best: u64,
     bound: f32,
-    accept: F,
+    measure: F,
 }
 
 /// No point has this key: its distance is not a number.
 const NO_KEY: u64 = u64::MAX;
 
 impl<F> NearestOne<F> {
-    /// Looks within `max_radius`, of which a negative one contains nothing, for what `accept` takes.
-    pub(super) fn new(max_radius: f32, accept: F) -> Self {
+    /// Looks within `max_radius`, of which a negative one contains nothing, for what `measure` accepts: by index, tag,
+    /// squared distance and position it tells the squared distance that counts, no less than that given.
+    pub(super) fn new(max_radius: f32, measure: F) -> Self {
         let bound = if max_radius >= 0.0 { max_radius * max_radius } else { -1.0 };
-        Self { best: NO_KEY, bound, accept }
+        Self { best: NO_KEY, bound, measure }
     }
 
     /// Key of the nearest.
@@ -376,20 +470,24 @@ impl<F> NearestOne<F> {
     }
 }
 
-impl<const L: usize, F: Fn(usize, u16) -> bool> Visitor<L> for NearestOne<F> {
+impl<const L: usize, F: Fn(usize, u16, f32, Vec3) -> Option<f32>> Visitor<L> for NearestOne<F> {
     #[inline]
     fn bound(&self) -> f32 {
         self.bound
     }
 
     #[inline]
-    fn visit(&mut self, first: u32, distances_squared: &[f32; L], tags: &[u16; L]) {
+    fn visit(&mut self, first: u32, distances_squared: &[f32; L], block: &Block<L>) {
         for (lane, &distance_squared) in distances_squared.iter().enumerate() {
-            if distance_squared <= self.bound {
-                let key = key_of(first + lane as u32, distance_squared);
-                if key < self.best && (self.accept)(index_of(key), tags[lane]) {
+            let index = first + lane as u32;
+            // Ties go to the lower index.
+            if distance_squared <= self.bound && key_of(index, distance_squared) < self.best {
+                let measured =
+                    (self.measure)(index as usize, block.tag(lane), distance_squared, block.position(lane));
+                let key = measured.map_or(NO_KEY, |distance_squared| key_of(index, distance_squared));
+                if key < self.best && measured <= Some(self.bound) {
                     self.best = key;
-                    self.bound = distance_squared;
+                    self.bound = distance_squared_of(key);
                 }
             }
         }
@@ -430,14 +528,13 @@ mod tests {
 
     /// All keys that `query` accepts, by comparing every photon.
     fn brute_force(map: &PhotonMap, query: &Query) -> Vec<u64> {
-        let metric = |p: Vec3| {
-            let v = p - query.position;
+        let metric = |photon: &Photon| {
+            let v = photon.position - query.position;
             let (x, y, z) = (v.x, v.y, v.z);
             let euclid = x * x + y * y + z * z;
-            let height = x * query.normal.x + y * query.normal.y + z * query.normal.z;
             match query.region {
                 SearchRegion::Sphere => euclid,
-                SearchRegion::Disc => euclid + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * (height * height),
+                SearchRegion::Disc => flattened(euclid, v, photon.normal() + query.normal),
             }
         };
         let mut keys: Vec<u64> = map
@@ -445,7 +542,7 @@ mod tests {
             .enumerate()
             .filter(|(_, photon)| photon.normal().dot(query.normal) >= query.min_normal_cos)
             .filter(|(_, photon)| query.classes.contains(photon.class()))
-            .map(|(index, photon)| key_of(index as u32, metric(photon.position)))
+            .map(|(index, photon)| key_of(index as u32, metric(&photon)))
             .filter(|&key| distance_squared_of(key) <= query.max_radius * query.max_radius)
             .collect();
         keys.sort_unstable();
@@ -489,6 +586,7 @@ mod tests {
                     region: if disc { SearchRegion::Disc } else { SearchRegion::Sphere },
                     min_normal_cos: if i % 2 == 0 { -2.0 } else { MIN_NORMAL_COS },
                     classes: if every_class { PhotonClasses::ALL } else { PhotonClasses::LIGHT },
+                    differential_check: false,
                 };
                 let wanted = brute_force(&map, &query);
                 prop_assert_eq!(&sorted(map.search(&query, &mut scratch)), &wanted);

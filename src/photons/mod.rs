@@ -1,22 +1,36 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
 
+mod clusters;
+mod differential;
+mod direction_bins;
 mod domain;
 mod emission;
 mod estimate;
+mod guide;
+mod heading_map;
 mod irradiance;
 mod kd_tree;
 mod kernel;
 mod map;
+mod pass;
 mod photon;
+mod projection_map;
+mod projection_picture;
+mod shadow;
+mod shadow_decision;
+mod sources;
 mod trace;
 
 pub use domain::{FEELERS, KernelDomain};
-pub use emission::{Aim, EmittedPhoton, emit};
+pub use emission::{EmittedPhoton, Emitter};
 pub use estimate::{Estimate, EstimateParams};
+pub use guide::{DirectionGuide, GuideLobe, GuideParams};
 pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
+pub use pass::{TracedPhotons, record_photon_rays, trace_photons, trace_photons_alone};
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
-pub use trace::{
-    PhotonTally, TraceSettings, TracedPhotons, record_photon_rays, trace_photons, trace_photons_alone,
-};
+pub use projection_picture::{ProjectionPicture, projection_picture};
+pub use shadow::{ShadowMaps, ShadowTally, TracedShadows, build_shadow_maps, trace_shadow_photons};
+pub use shadow_decision::{CONFIDENCE, LARGEST_UNSEEN_SHARE, ShadowDecision};
+pub use trace::{PhotonTally, TraceSettings};

@@ -87,6 +87,12 @@ impl Photon {
         }
     }
 
+    /// The same photon with `factor` times the power, rounded by `dither` as in [`Self::new`].
+    #[must_use]
+    pub fn scaled(self, factor: f32, dither: f32) -> Self {
+        Self { power: Rgbe::encode_dithered(self.power.decode() * factor, dither), ..self }
+    }
+
     /// Unnormalised flux, in watts.
     #[inline]
     pub fn power(&self) -> Rgb {
@@ -210,9 +216,16 @@ impl Acceptance {
     /// Whether a photon with these flags is accepted.
     #[inline]
     pub(super) fn accepts(&self, flags: u16) -> bool {
+        self.judge(flags).0
+    }
+
+    /// Whether a photon with these flags is accepted, and the sum of its normal and the query's.
+    #[inline]
+    pub(super) fn judge(&self, flags: u16) -> (bool, Vec3) {
         let normal = self.normals[usize::from(flags) % NORMAL_CODES];
         let class = flags >> (2 * NORMAL_BITS) & 3;
-        (normal.dot(self.normal) >= self.min_cos) & (self.classes >> class & 1 == 1)
+        let accepted = (normal.dot(self.normal) >= self.min_cos) & (self.classes >> class & 1 == 1);
+        (accepted, normal + self.normal)
     }
 }
 

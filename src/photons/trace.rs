@@ -1,17 +1,15 @@
 //! Pass 1: photons from the lights to where they are absorbed (Jensen 1996, section 3).
 
-use super::emission::{Aim, emit};
+use super::sources::Sources;
 use super::{Photon, PhotonClass};
-use crate::bsdf::{Lambert, Lobe, TransportMode, shading_normal_correction, sides_agree};
+use crate::bsdf::{Bsdf, Lambert, Lobe, TransportMode, shading_normal_correction, sides_agree};
 use crate::embree::RawHit;
 use crate::math::{Frame, Ray, Rgb};
 use crate::media::MediumId;
-use crate::sampling::{Rng, Sobol, Stream, mix};
+use crate::sampling::{Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
 use glam::{DVec3, Vec2, Vec3};
-use rayon::prelude::*;
-use std::ops::AddAssign;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::ops::{AddAssign, MulAssign};
 
 /// What to trace.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +22,8 @@ pub struct TraceSettings {
     pub seed: u64,
     /// Surfaces a photon may meet before it is cut off and counted as truncated.
     pub max_depth: u32,
+    /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine. Changes noise, not light.
+    pub aimed: bool,
 }
 
 /// What became of the photons of one light. Powers are sums over photons; divided by the photons emitted in all, flux.
@@ -39,9 +39,9 @@ pub struct PhotonTally {
     pub missed: u64,
     /// Photons cut off at the depth limit.
     pub truncated: u64,
-    /// Specular surfaces met.
+    /// Photons that met specular surfaces.
     pub interfaces: u64,
-    /// Interfaces met in another medium than they state.
+    /// Photons that met an interface in another medium than it states.
     pub medium_mismatches: u64,
     /// Power that left the lights.
     pub power_emitted: DVec3,
@@ -69,165 +69,58 @@ impl AddAssign for PhotonTally {
     }
 }
 
-/// Photons of one map, in the order of their numbers.
-#[derive(Debug)]
-pub struct TracedPhotons {
-    /// The photons; their powers are to be divided by `emitted`.
-    pub photons: Vec<Photon>,
-    /// Photons emitted by all lights together.
-    pub emitted: u64,
-    /// By light.
-    pub tallies: Vec<PhotonTally>,
-}
-
-/// Photons traced to find out how many to emit: more where none of them is stored, before it is believed that none can be.
-const PREPASSES: [u64; 3] = [20_000, 400_000, 8_000_000];
-
-/// Photons traced before those, which are enough where they are stored this often: where surfaces reflect nearly
-/// everything, a photon has thousands of bounces.
-const FIRST_PREPASS: (u64, usize) = (200, 20_000);
-
-/// Photons that one task traces.
-const CHUNK: u64 = 4096;
-
-/// More emitted photons than this for one stored are not worth waiting for; fewer are stored then.
-const MOST_EMITTED_PER_STORED: f64 = 2000.0;
-
-/// Traces about `settings.stored` photons.
-///
-/// How many to emit is found by a short pass with random numbers of its own, so that the count does not depend on the
-/// photons that are kept. Each light emits in proportion to its flux; a photon's number alone decides its way, so the
-/// result is the same for any number of threads. `progress` is called with the photons traced so far and those to
-/// trace; once it returns `false` nothing more is traced and `None` returned.
-pub fn trace_photons(
-    scene: &Scene,
-    settings: &TraceSettings,
-    progress: &(dyn Fn(u64, u64) -> bool + Sync),
-) -> Option<TracedPhotons> {
-    let nothing = TracedPhotons {
-        photons: Vec::new(),
-        emitted: 0,
-        tallies: vec![PhotonTally::default(); scene.lights().len()],
-    };
-    if settings.stored == 0 || scene.light_power().is_none() {
-        return Some(nothing);
+impl MulAssign<f64> for PhotonTally {
+    /// Scales the powers.
+    fn mul_assign(&mut self, factor: f64) {
+        self.power_emitted *= factor;
+        self.power_absorbed *= factor;
+        self.power_escaped *= factor;
+        self.power_truncated *= factor;
     }
-    let mut prepass = Batch::new(scene, settings, Stream::Prepass, FIRST_PREPASS.0).run(&|_, _| true)?;
-    for emitted in PREPASSES {
-        if prepass.photons.len() < FIRST_PREPASS.1 && (emitted == PREPASSES[0] || prepass.photons.is_empty())
-        {
-            prepass = Batch::new(scene, settings, Stream::Prepass, emitted).run(&|_, _| true)?;
-        }
-    }
-    if prepass.photons.is_empty() {
-        return Some(TracedPhotons { photons: Vec::new(), ..prepass });
-    }
-    let per_stored = prepass.emitted as f64 / prepass.photons.len() as f64;
-    let emitted = settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED);
-    let stream = match settings.kind {
-        MapKind::Global => Stream::GlobalPhotons,
-        MapKind::Caustic => Stream::CausticPhotons,
-    };
-    Batch::new(scene, settings, stream, emitted.ceil() as u64).run(progress)
-}
-
-/// The rays of a photon pass that emits `emitted` photons, in the order in which one thread traces them: for benchmarks
-/// of ray tracing with a real workload.
-pub fn record_photon_rays(scene: &Scene, settings: &TraceSettings, emitted: u64) -> Vec<Ray> {
-    let batch = Batch::new(scene, settings, Stream::Measure, emitted);
-    let mut rays = Vec::new();
-    for light in 0..batch.shares.len() {
-        batch.trace_range(light, 0, batch.shares[light], emitted, &mut |ray| rays.push(*ray));
-    }
-    rays
-}
-
-/// The same pass on one thread, without recording: returns the rays traced.
-pub fn trace_photons_alone(scene: &Scene, settings: &TraceSettings, emitted: u64) -> (Vec<Photon>, u64) {
-    let batch = Batch::new(scene, settings, Stream::Measure, emitted);
-    let (mut photons, mut rays) = (Vec::new(), 0);
-    for light in 0..batch.shares.len() {
-        let (stored, tally) = batch.trace_range(light, 0, batch.shares[light], emitted, &mut |_| ());
-        rays += tally.bounces;
-        photons.extend(stored);
-    }
-    (photons, rays)
 }
 
 /// Photons of all lights, some of each.
-struct Batch<'a> {
-    scene: &'a Scene,
-    settings: &'a TraceSettings,
-    stream: Stream,
+pub(super) struct Batch<'a> {
+    pub scene: &'a Scene,
+    pub settings: &'a TraceSettings,
+    pub sources: &'a Sources<'a>,
+    pub stream: Stream,
     /// By light: photons emitted.
-    shares: Vec<u64>,
-    media: Vec<MediumId>,
+    pub shares: Vec<u64>,
 }
 
-impl<'a> Batch<'a> {
-    fn new(scene: &'a Scene, settings: &'a TraceSettings, stream: Stream, emitted: u64) -> Self {
-        let shares = match scene.light_power() {
-            // At least one photon for a light that shines, so that none is left out whatever the others are.
-            Some(power) => (0..scene.lights().len())
-                .map(|light| {
-                    let probability = f64::from(power.probability(light));
-                    if probability > 0.0 { ((probability * emitted as f64).round() as u64).max(1) } else { 0 }
-                })
-                .collect(),
-            None => vec![0; scene.lights().len()],
-        };
-        let media = scene.lights().iter().map(|light| scene.medium_at(light.a_point())).collect();
-        Self { scene, settings, stream, shares, media }
-    }
+/// What came of some photons of one light.
+pub(super) struct Traced {
+    pub photons: Vec<Photon>,
+    pub tally: PhotonTally,
+    /// Surfaces met, one bit each; only where caustic photons are traced.
+    pub reached: Vec<u64>,
+}
 
-    fn run(&self, progress: &(dyn Fn(u64, u64) -> bool + Sync)) -> Option<TracedPhotons> {
-        let emitted: u64 = self.shares.iter().sum();
-        let mut tasks = Vec::new();
-        for (light, &share) in self.shares.iter().enumerate() {
-            tasks.extend(
-                (0..share).step_by(CHUNK as usize).map(|first| (light, first, share.min(first + CHUNK))),
-            );
-        }
-        let done = AtomicU64::new(0);
-        let results: Option<Vec<(usize, Vec<Photon>, PhotonTally)>> = tasks
-            .into_par_iter()
-            .map(|(light, first, end)| {
-                let (photons, tally) = self.trace_range(light, first, end, emitted, &mut |_| ());
-                let traced = done.fetch_add(end - first, Ordering::Relaxed) + (end - first);
-                progress(traced, emitted).then_some((light, photons, tally))
-            })
-            .collect();
-        let results = results?;
-        let mut tallies = vec![PhotonTally::default(); self.shares.len()];
-        let mut photons = Vec::with_capacity(results.iter().map(|(_, photons, _)| photons.len()).sum());
-        for (light, stored, tally) in results {
-            photons.extend(stored);
-            tallies[light] += tally;
-        }
-        Some(TracedPhotons { photons, emitted, tallies })
-    }
-
-    fn trace_range(
+impl Batch<'_> {
+    /// Traces photons `first..end` of `light`.
+    pub(super) fn trace_range(
         &self,
         light: usize,
         first: u64,
         end: u64,
         emitted: u64,
         observe: &mut impl FnMut(&Ray),
-    ) -> (Vec<Photon>, PhotonTally) {
+    ) -> Traced {
         let mut photons = Vec::with_capacity((end - first) as usize);
         let mut tally = PhotonTally::default();
+        let notes = self.settings.kind == MapKind::Caustic;
+        let mut reached = vec![0u64; if notes { self.scene.surfaces().len().div_ceil(64) } else { 0 }];
+        let Some(source) = self.sources.emitter(light) else {
+            return Traced { photons, tally, reached };
+        };
+        let media = self.sources.media(light);
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
         let sequence = Sobol::new(seed);
         // Every photon of this light stands for this share of its flux, times the photons of all lights, since the
         // map divides by those.
         let scale = (emitted as f64 / self.shares[light] as f64) as f32;
-        let source = &self.scene.lights()[light];
-        let (bounds, casters) = (self.scene.bounds(), self.scene.casters());
-        let aim = match self.settings.kind {
-            MapKind::Global => Aim::Scene(bounds),
-            MapKind::Caustic => Aim::Casters(casters, bounds),
-        };
+        let from_infinity = self.scene.lights()[light].is_at_infinity();
         let mut flights: Vec<Flight> = Vec::with_capacity(IN_FLIGHT);
         let mut hits = [None; IN_FLIGHT];
         let mut index = first;
@@ -238,17 +131,19 @@ impl<'a> Batch<'a> {
                 if index as u32 == 0 {
                     points = sequence.set((index >> 32) as u32);
                 }
-                if let Some(start) = emit(source, aim, points.sample_4d(index as u32)) {
+                if let Some(start) = source.emit(points.sample_4d(index as u32)) {
                     let power = start.power * scale;
                     tally.power_emitted += power.as_dvec3();
                     flights.push(Flight {
                         rng: Rng::new(seed, self.stream, index),
                         ray: start.ray,
                         power,
-                        medium: self.media[light],
+                        medium: media[usize::from(start.back)],
                         depth: 0,
+                        chain: 0,
                         only_specular: true,
-                        from_infinity: source.is_at_infinity(),
+                        from_infinity,
+                        met: Met::default(),
                     });
                 }
                 index += 1;
@@ -259,6 +154,10 @@ impl<'a> Batch<'a> {
             for (hit, flight) in hits.iter_mut().zip(&flights) {
                 observe(&flight.ray);
                 *hit = self.scene.embree().intersect(&flight.ray);
+                if notes && let Some(hit) = hit {
+                    let surface = self.scene.surface_of(hit);
+                    reached[(surface / 64) as usize] |= 1 << (surface % 64);
+                }
             }
             // From the back, so that a removal moves only flights that have been advanced.
             for i in (0..flights.len()).rev() {
@@ -268,7 +167,9 @@ impl<'a> Batch<'a> {
             }
         }
         tally.stored = photons.len() as u64;
-        (photons, tally)
+        // Where few are stored, the rest of the room would outweigh them a thousand times.
+        photons.shrink_to_fit();
+        Traced { photons, tally, reached }
     }
 }
 
@@ -284,10 +185,20 @@ struct Flight {
     medium: MediumId,
     /// Surfaces met.
     depth: u32,
+    /// Specular ones since the last that was not.
+    chain: u32,
     /// No diffuse surface met so far.
     only_specular: bool,
     /// Its light is infinitely far away, and its first ray no distance that a medium could absorb over.
     from_infinity: bool,
+    met: Met,
+}
+
+/// What a photon has been counted for.
+#[derive(Clone, Copy, Default)]
+struct Met {
+    interface: bool,
+    mismatch: bool,
 }
 
 impl Flight {
@@ -335,6 +246,7 @@ impl Flight {
             return false;
         }
         self.only_specular = false;
+        self.chain = 0;
         let local = Lambert::sample_direction(self.rng.next_2d());
         self.ray = hit.spawn(Frame::from_z(hit.facing_normal()).to_world(local));
         true
@@ -357,10 +269,12 @@ impl Flight {
             let at = (hit.point.position, hit.facing_normal());
             self.store(pass.settings.kind, at, shading_share(&hit), photons);
         }
-        if pass.settings.kind == MapKind::Caustic && !shading.bsdf.is_delta() {
+        let is_lobe_left = shading.bsdf.has_specular() || shading.bsdf.has_glossy();
+        if pass.settings.kind == MapKind::Caustic && !is_lobe_left {
             return false;
         }
-        self.scatter(pass.scene, &hit, &shading, tally)
+        let goes_on = self.scatter(pass.scene, &hit, &shading, tally);
+        goes_on && (self.only_specular || pass.settings.kind != MapKind::Caustic)
     }
 
     /// Stores the photon where it is, on the side of `normal`, with `share` of its power.
@@ -396,39 +310,39 @@ impl Flight {
         shading: &Shading,
         tally: &mut PhotonTally,
     ) -> bool {
-        let u_lobe = if shading.bsdf.is_delta() { self.rng.next_f32() } else { 0.0 };
+        let u_lobe = if shading.bsdf.chooses() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
         let bent = hit.shading_normal != hit.point.normal;
-        // Diffuse lobes are sampled around the geometric normal, see below.
-        let frame =
-            if bent && !shading.bsdf.is_delta() { Frame::from_z(shading.geometric) } else { shading.frame };
+        // Lambert's law is sampled around the geometric normal, see below.
+        let around_geometric = bent && matches!(shading.bsdf, Bsdf::Lambert(_));
+        let frame = if around_geometric { Frame::from_z(shading.geometric) } else { shading.frame };
         let wo = frame.to_local(hit.wo);
         let Some(sample) = shading.bsdf.sample(wo, u_lobe, u, TransportMode::Flux) else {
             return false;
         };
         let direction = frame.to_world(sample.wi);
-        if sample.lobe == Lobe::Specular {
-            tally.interfaces += 1;
-            tally.medium_mismatches += u64::from(scene.is_medium_mismatch(hit, self.medium));
+        let mut weight = 1.0;
+        if sample.lobe != Lobe::Diffuse {
+            self.check_medium(scene, hit, tally);
+            let Some(survived) = chain_roulette(self.chain, || self.rng.next_f32()) else { return false };
+            weight = survived;
+            self.chain += 1;
         } else {
             self.only_specular = false;
+            self.chain = 0;
         }
         let Some(medium) = scene.medium_after(self.medium, hit, shading, direction, sample.transmission)
         else {
             return false;
         };
-        let mut power = self.power * sample.throughput;
+        let mut power = self.power * (sample.throughput * weight);
         if bent {
-            power *= match sample.lobe {
-                Lobe::Specular => {
-                    shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric)
-                }
+            power *= match around_geometric {
+                false => shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric),
                 // The adjoint of what a camera path meets that arrives from `direction`: the cosine at the shading
                 // normal, or at the geometric one where the shading normal faces away from it.
-                Lobe::Diffuse if sides_agree(direction, hit.shading_normal, hit.point.normal) => {
-                    shading_share(hit)
-                }
-                Lobe::Diffuse => 1.0,
+                true if sides_agree(direction, hit.shading_normal, hit.point.normal) => shading_share(hit),
+                true => 1.0,
             };
         }
         if !self.survives(power) {
@@ -437,6 +351,23 @@ impl Flight {
         self.medium = medium;
         self.ray = hit.spawn(direction);
         true
+    }
+
+    /// Counts the photon once if it meets interfaces, and once if one of them states another medium on this side. The
+    /// photon goes on in the stated one, so that one mistake is not repeated at each interface behind it.
+    fn check_medium(&mut self, scene: &Scene, hit: &SurfaceInteraction, tally: &mut PhotonTally) {
+        if !self.met.interface {
+            self.met.interface = true;
+            tally.interfaces += 1;
+        }
+        let Some(stated) = scene.material(hit).medium_on(hit.is_front()) else { return };
+        if stated != self.medium {
+            if !self.met.mismatch {
+                self.met.mismatch = true;
+                tally.medium_mismatches += 1;
+            }
+            self.medium = stated;
+        }
     }
 
     /// Chromatic roulette over what is left of the `power` after a surface: the brightest channel decides, so that

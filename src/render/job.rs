@@ -1,12 +1,16 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
 use super::maps::{PassOne, build_maps, is_worth_a_warning};
+use super::memory::MemoryError;
 use super::observer::Observer;
-use super::settings::Settings;
-use super::stats::{Statistics, Times};
+use super::settings::{Settings, Show};
+use super::stats::{CacheStatistics, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
-use crate::integrators::{Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShowPhotons};
+use crate::integrators::{
+    CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShadowCounters,
+    ShowClasses, ShowPhotons,
+};
 use crate::math::Rgb;
 use crate::sampling::SampleStream;
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
@@ -60,6 +64,9 @@ pub enum RenderError {
     /// The filter.
     #[error(transparent)]
     Filter(#[from] FilterError),
+    /// The photon maps.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// No samples.
     #[error("0 samples per pixel give no picture; --spp must be at least 1")]
     NoSamples,
@@ -88,36 +95,98 @@ pub fn render(
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
     }
-    let plan = RenderPlan::new(scene, settings.integrator, settings.map);
+    let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
-    let Some(pass_one) = build_maps(scene, &plan, settings, observer) else {
-        let statistics = statistics(scene, settings, plan, PassOne::default());
+    let pass_one = build_maps(scene, &plan, settings, observer)?;
+    if pass_one.cancelled {
+        let statistics = statistics(scene, settings, plan, pass_one);
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
-    };
-    let start = Instant::now();
+    }
+    let mut start = Instant::now();
+    let mut seconds_cache = 0.0;
+    let mut cache = None;
     let medium = scene.medium_at(camera.eye());
-    let reading = settings.photon_map_settings(scene.bounds().1);
+    let reading = settings.photon_map_settings(scene);
     let integrator: Box<dyn Integrator + '_> = match settings.integrator {
         IntegratorKind::PhotonMap => {
-            Box::new(PhotonMapIntegrator::new(scene, &pass_one.maps, &plan, reading, medium))
+            let mut integrator = PhotonMapIntegrator::new(scene, &pass_one.maps, &plan, reading, medium);
+            if plan.irradiance_cache.build {
+                cache = fill_cache(&mut integrator, camera, request, observer);
+                if cache.is_none() {
+                    let statistics = statistics(scene, settings, plan, pass_one);
+                    return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
+                }
+                seconds_cache = start.elapsed().as_secs_f64();
+                start = Instant::now();
+            }
+            Box::new(integrator)
+        }
+        IntegratorKind::Photons if settings.show == Show::Classes => {
+            Box::new(ShowClasses::new(scene, &pass_one.maps, settings.map, reading, medium))
         }
         IntegratorKind::Photons => {
             Box::new(ShowPhotons::new(scene, &pass_one.maps, settings.map, reading, medium))
         }
-        IntegratorKind::Path => Box::new(PathTracer::new(scene, settings.max_depth, medium)),
+        IntegratorKind::Path => {
+            let guide = pass_one.maps.guide.as_ref();
+            Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
+        }
     };
     let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
-    let (counters, finished) = pixels.run(&mut film)?;
+    let (counters, shadows, finished) = pixels.run(&mut film)?;
     drop(integrator);
     let mut statistics = statistics(scene, settings, plan, pass_one);
     statistics.times.pixels = start.elapsed().as_secs_f64();
     statistics.mean_depth = counters.depth_sum as f64 / counters.camera_rays.max(1) as f64;
+    statistics.times.cache = seconds_cache;
+    let filling = cache.map(|cache| cache.counters).unwrap_or_default();
+    let segments = counters.gather_path_segments + filling.gather_path_segments;
+    statistics.mean_path_depth =
+        segments as f64 / (counters.gather_paths + filling.gather_paths).max(1) as f64;
+    statistics.cache = cache;
     statistics.counters = counters;
+    for (light, decisions) in statistics.shadows.iter_mut().zip(shadows) {
+        let rays = decisions.rays_saved + decisions.rays_traced;
+        light.decisions = decisions;
+        if light.rays > 0 && decisions.rays_traced > 0 && decisions.rays_saved == 0 {
+            statistics.warnings.push(format!(
+                "the photons of light {} saved no shadow ray: too few are near one another (raise --shadow-photon-rays), \
+                 or it is nowhere seen whole or hidden whole",
+                light.light
+            ));
+        }
+        light.rays_saved_percent = 100.0 * decisions.rays_saved as f64 / rays.max(1) as f64;
+    }
     statistics.samples = film.sample_count() / film.rect().area().max(1) as u64;
     statistics.rejected_samples = film.rejections().samples;
     warn(&mut statistics, scene);
     Ok(Rendered { film, statistics, stopped: (!finished).then_some(Stop::DuringPixels) })
+}
+
+/// Fills the irradiance cache for the whole picture, whatever part of it is rendered. `None` where it was stopped.
+fn fill_cache(
+    integrator: &mut PhotonMapIntegrator<'_>,
+    camera: &Camera,
+    request: &RenderRequest,
+    observer: &dyn Observer,
+) -> Option<CacheStatistics> {
+    let RenderRequest { width, height, settings, .. } = request;
+    observer.begin("filling the irradiance cache", u64::from(*width) * u64::from(*height));
+    let filling = CacheRequest {
+        camera,
+        size: (*width, *height),
+        seed: settings.seed,
+        error: settings.cache_error,
+        rays: settings.cache_samples,
+    };
+    // What the cache lacks is gathered while pixels are rendered, so of a limited time it gets no more than half.
+    let start = Instant::now();
+    let end = observer.deadline().map(|end| start + end.saturating_duration_since(start).mul_f64(0.5));
+    let is_late = || end.is_some_and(|end| Instant::now() >= end);
+    let advance = |done| observer.advance(done);
+    let pass = integrator.fill_cache(&filling, &|| observer.is_cancelled(), &is_late, &advance)?;
+    Some(CacheStatistics { records: pass.records, rejected: pass.rejected, counters: pass.counters })
 }
 
 fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: PassOne) -> Statistics {
@@ -126,13 +195,18 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         scene: scene.name().to_owned(),
         settings: settings.clone(),
         plan,
-        times: Times { scene: 0.0, photons: pass_one.seconds, pixels: 0.0 },
+        times: Times { scene: 0.0, photons: pass_one.seconds, cache: 0.0, pixels: 0.0 },
         threads: rayon::current_num_threads(),
         samples: 0,
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
+        guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
+        cache: None,
+        shadows: pass_one.shadows,
+        seconds_shadows: pass_one.seconds_shadows,
         counters: Counters::default(),
         mean_depth: 0.0,
+        mean_path_depth: 0.0,
         rejected_samples: 0,
         warnings: pass_one.warnings,
     }
@@ -182,19 +256,20 @@ struct PixelPass<'a> {
 
 impl PixelPass<'_> {
     /// Takes all samples, in passes that each give the whole picture some; `false` where it was stopped.
-    fn run(&self, film: &mut Film) -> Result<(Counters, bool), FilmError> {
+    fn run(&self, film: &mut Film) -> Result<(Counters, Vec<ShadowCounters>, bool), FilmError> {
         let spp = self.request.settings.spp;
         let rect = film.rect();
         let tiles = rect.tiles(TILE);
         let total = rect.area() as u64 * u64::from(spp);
         self.observer.begin("rendering", total);
         let mut counters = Counters::default();
+        let mut shadows = vec![ShadowCounters::default(); self.scene.lights().len()];
         let mut done = 0u64;
         let mut first = 0;
         while first < spp {
             let count = first.clamp(1, LARGEST_PASS).min(spp - first);
             for group in tiles.chunks(TILES_AT_ONCE) {
-                let rendered: Vec<Option<(Tile, Counters)>> = group
+                let rendered: Vec<Option<(Tile, Counters, Vec<ShadowCounters>)>> = group
                     .par_iter()
                     .map_init(Scratch::default, |scratch, &rect| {
                         if self.observer.should_stop() {
@@ -202,27 +277,29 @@ impl PixelPass<'_> {
                         }
                         let mut tile = film.tile(rect)?;
                         self.fill(&mut tile, first, count, scratch);
-                        Ok(Some((tile, std::mem::take(&mut scratch.counters))))
+                        let counters = std::mem::take(&mut scratch.counters);
+                        Ok(Some((tile, counters, std::mem::take(&mut scratch.shadows))))
                     })
                     .collect::<Result<_, FilmError>>()?;
                 let mut whole = true;
                 for tile in rendered {
-                    let Some((tile, counted)) = tile else {
+                    let Some((tile, counted, decided)) = tile else {
                         whole = false;
                         continue;
                     };
                     film.merge(&tile)?;
                     counters += counted;
+                    shadows.iter_mut().zip(decided).for_each(|(sum, light)| *sum += light);
                     done += tile.rect().area() as u64 * u64::from(count);
                 }
                 self.observer.advance(done);
                 if !whole {
-                    return Ok((counters, false));
+                    return Ok((counters, shadows, false));
                 }
             }
             first += count;
         }
-        Ok((counters, true))
+        Ok((counters, shadows, true))
     }
 
     fn fill(&self, tile: &mut Tile, first: u32, count: u32, scratch: &mut Scratch) {

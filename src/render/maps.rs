@@ -1,19 +1,24 @@
 //! Pass 1 as a job: traces photons, builds the maps the plan asks for, and says what is odd about them.
 
+use super::memory::{MemoryError, PhotonCounts};
 use super::observer::Observer;
-use super::settings::Settings;
-use super::stats::{MapStatistics, PhotonStatistics};
+use super::settings::{IntegratorKind, Settings, ShadowMode};
+use super::stats::{MapStatistics, PhotonStatistics, ShadowStatistics};
 use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
-use crate::photons::{EstimateParams, Kernel, PhotonMap, PhotonTally, TraceSettings, trace_photons};
+use crate::lights::LightId;
+use crate::photons::{
+    DirectionGuide, EstimateParams, GuideParams, Kernel, PhotonClass, PhotonClasses, PhotonMap, PhotonTally,
+    TraceSettings, TracedPhotons, build_shadow_maps, trace_photons,
+};
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Radius beyond which an estimate says nothing of its place, as a share of the scene's radius.
 const LARGEST_RADIUS: f32 = 0.25;
 
 /// One in so many photons of the global map gets its irradiance precomputed (Christensen 1999, section 4).
-const IRRADIANCE_STRIDE: usize = 4;
+pub(super) const IRRADIANCE_STRIDE: usize = 4;
 
 /// A map has fewer photons than this share of those asked for: worth a warning.
 const UNDERFILLED: f64 = 0.5;
@@ -38,108 +43,235 @@ pub struct PassOne {
     pub reports: Vec<MapReport>,
     /// Numbers for the statistics.
     pub statistics: Vec<MapStatistics>,
+    /// Shadow photons, by light.
+    pub shadows: Vec<ShadowStatistics>,
+    /// Seconds for those.
+    pub seconds_shadows: f64,
     /// Things a user should know.
     pub warnings: Vec<String>,
+    /// Whether the observer asked to stop: some maps are then missing.
+    pub cancelled: bool,
     /// Seconds.
     pub seconds: f64,
 }
 
 impl Settings {
-    /// How the photon maps are read, for a scene whose bounding sphere has this radius.
-    pub fn photon_map_settings(&self, scene_radius: f32) -> PhotonMapSettings {
+    /// How the photon maps of `scene` are read.
+    pub fn photon_map_settings(&self, scene: &Scene) -> PhotonMapSettings {
+        let scene_radius = scene.bounds().1;
+        let to_render = |metres| scene.space().length(metres) as f32;
         PhotonMapSettings {
             global_nearest: self.global_nearest,
             caustic_nearest: self.caustic_nearest,
             caustic: EstimateParams { kernel: self.kernel, estimator: self.estimator },
             global: EstimateParams { kernel: Kernel::Constant, estimator: self.estimator },
+            global_radius: self.global_radius.map(to_render),
+            caustic_radius: self.caustic_radius.map(to_render),
             region: self.search,
+            differential_check: self.differential_check,
             max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
             gather_samples: self.gather_samples,
+            glossy_samples: self.glossy_samples,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
             max_depth: self.max_depth,
+            accurate_distance: self.accurate_distance * scene_radius,
+            approximate_weight: self.approximate_weight,
         }
     }
 }
 
-/// Builds the maps that `plan` asks for. `None` where the observer asked to stop.
+impl Settings {
+    /// How photons guide in `scene`.
+    pub fn guide_params(&self, scene: &Scene) -> GuideParams {
+        let reading = self.photon_map_settings(scene);
+        GuideParams {
+            classes: match self.integrator {
+                // Caustics come from their own map.
+                IntegratorKind::PhotonMap | IntegratorKind::Photons => {
+                    PhotonClasses::only(PhotonClass::Indirect)
+                }
+                IntegratorKind::Path => {
+                    PhotonClasses::only(PhotonClass::Indirect).and(PhotonClasses::only(PhotonClass::Caustic))
+                }
+            },
+            nearest: GuideParams::NEAREST,
+            per_cell: GuideParams::PER_CELL,
+            floor: GuideParams::FLOOR,
+            region: reading.region,
+            max_radius: reading.max_radius,
+        }
+    }
+}
+
+/// Tracing photons takes at most this share of the time limit; half of it for the global map where there is a caustic one
+/// as well.
+const PHOTON_SHARE: f64 = 0.5;
+
+/// Builds the maps that `plan` asks for. [`PassOne::cancelled`] where the observer asked to stop.
+///
+/// # Errors
+/// Where the maps would not fit into memory.
 pub fn build_maps(
     scene: &Scene,
     plan: &RenderPlan,
     settings: &Settings,
     observer: &dyn Observer,
-) -> Option<PassOne> {
+) -> Result<PassOne, MemoryError> {
     let start = Instant::now();
+    let counts = PhotonCounts::of(settings, plan);
+    counts.check(settings, plan)?;
     let mut pass = PassOne::default();
-    if plan.global_map.build {
-        let map = build_map(scene, settings, MapKind::Global, settings.global_photons, observer, &mut pass)?;
-        if plan.final_gather.build && settings.precomputed_irradiance && !map.is_empty() {
-            observer.begin("precomputing irradiance", 1);
-            let reading = settings.photon_map_settings(scene.bounds().1);
-            let template = reading.global_query(Vec3::ZERO, Vec3::Z);
-            pass.maps.irradiance = Some(map.precompute_irradiance_visible(
-                &template,
-                &reading.global,
-                IRRADIANCE_STRIDE,
-                |at, normal, radius| visible_domain(scene, at, normal, radius),
-            ));
-            observer.advance(1);
-        }
-        pass.maps.global = Some(map);
-    }
-    if plan.caustic_map.build {
-        pass.maps.caustic = Some(build_map(
-            scene,
-            settings,
-            MapKind::Caustic,
-            settings.caustic_photons,
-            observer,
-            &mut pass,
-        )?);
-    }
+    let limit = observer.deadline().map(|end| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE));
+    let mut builder = MapBuilder { scene, settings, observer, pass: &mut pass };
+    let done = builder.build_all(plan, counts, limit);
+    pass.cancelled = done.is_none();
     pass.seconds = start.elapsed().as_secs_f64();
-    Some(pass)
+    Ok(pass)
 }
 
-fn build_map(
-    scene: &Scene,
-    settings: &Settings,
-    kind: MapKind,
-    wanted: u64,
-    observer: &dyn Observer,
-    pass: &mut PassOne,
-) -> Option<PhotonMap> {
-    let name = match kind {
-        MapKind::Global => "global",
-        MapKind::Caustic => "caustic",
+fn build_shadows(scene: &Scene, settings: &Settings, observer: &dyn Observer, pass: &mut PassOne) {
+    let rays = settings.shadow_photon_rays;
+    observer.begin("tracing shadow photons", 1);
+    let start = Instant::now();
+    // Photons themselves are kept where they are to be shown.
+    let mode = match settings.integrator {
+        IntegratorKind::Photons => ShadowMode::Off,
+        IntegratorKind::PhotonMap | IntegratorKind::Path => settings.shadow_photons,
     };
-    observer.begin(&format!("tracing {name} photons"), wanted);
-    let trace = TraceSettings { kind, stored: wanted, seed: settings.seed, max_depth: settings.max_depth };
-    let start = Instant::now();
-    let traced = trace_photons(scene, &trace, &|done, total| {
-        observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
-        !observer.should_stop()
-    })?;
-    let seconds_tracing = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let map = PhotonMap::build(traced.photons, traced.emitted);
-    pass.statistics.push(MapStatistics {
-        map: kind,
-        photons: map.len() as u64,
-        emitted: traced.emitted,
-        bytes: map.memory_bytes() as u64,
-        seconds_tracing,
-        seconds_building: start.elapsed().as_secs_f64(),
-        lights: traced
-            .tallies
-            .iter()
-            .enumerate()
-            .map(|(i, t)| statistics_of(scene, i, t, traced.emitted))
-            .collect(),
-    });
-    warn(name, kind, wanted, &map, &traced.tallies, &mut pass.warnings);
-    pass.reports.push(MapReport { kind, emitted: traced.emitted, tallies: traced.tallies });
-    Some(map)
+    let max_radius = settings.photon_map_settings(scene).max_radius;
+    let maps = build_shadow_maps(scene, mode, rays, settings.seed, max_radius);
+    pass.seconds_shadows = start.elapsed().as_secs_f64();
+    for (light, tally) in maps.tallies().iter().enumerate() {
+        if tally.dropped > 0 {
+            pass.warnings.push(format!(
+                "{} crossings of rays from light {light} with surfaces were not kept: shadow photons are missing there",
+                tally.dropped
+            ));
+        }
+        pass.shadows.push(ShadowStatistics {
+            light: light as u32,
+            rays: tally.rays,
+            missed: tally.missed,
+            crossings: tally.crossings,
+            merged: tally.merged,
+            dropped: tally.dropped,
+            direct_photons: tally.direct,
+            shadow_photons: tally.shadow,
+            bytes: maps.memory_bytes(light) as u64,
+            decisions: Default::default(),
+            rays_saved_percent: 0.0,
+        });
+    }
+    pass.maps.shadows = Some(maps);
+    observer.advance(1);
+}
+
+struct MapBuilder<'a> {
+    scene: &'a Scene,
+    settings: &'a Settings,
+    observer: &'a dyn Observer,
+    pass: &'a mut PassOne,
+}
+
+impl MapBuilder<'_> {
+    /// `None` where it was cancelled.
+    fn build_all(&mut self, plan: &RenderPlan, counts: PhotonCounts, limit: Option<Duration>) -> Option<()> {
+        let start = Instant::now();
+        if plan.global_map.build {
+            let share = if plan.caustic_map.build { 0.5 } else { 1.0 };
+            let end = limit.map(|limit| start + limit.mul_f64(share));
+            let map = self.build(MapKind::Global, counts, end)?;
+            if plan.final_gather.build && self.settings.precomputed_irradiance && !map.is_empty() {
+                self.observer.begin("precomputing irradiance", 1);
+                let reading = self.settings.photon_map_settings(self.scene);
+                let template = reading.global_query(Vec3::ZERO, Vec3::Z);
+                self.pass.maps.irradiance = Some(map.precompute_irradiance_until(
+                    &template,
+                    &reading.global,
+                    IRRADIANCE_STRIDE,
+                    |at, normal, radius| visible_domain(self.scene, at, normal, radius),
+                    &|| self.observer.is_cancelled(),
+                )?);
+                self.observer.advance(1);
+            }
+            if plan.guide.build {
+                self.observer.begin("building the guide", 1);
+                let params = self.settings.guide_params(self.scene);
+                self.pass.maps.guide = DirectionGuide::build(&map, &params);
+                self.observer.advance(1);
+            }
+            // Paths read no map.
+            if self.settings.integrator != IntegratorKind::Path {
+                self.pass.maps.global = Some(map);
+            }
+        }
+        if plan.caustic_map.build {
+            // The share of this map even where all before took longer than it should have.
+            let end = limit.map(|limit| (start + limit).max(Instant::now() + limit.mul_f64(0.5)));
+            self.pass.maps.caustic = Some(self.build(MapKind::Caustic, counts, end)?);
+        }
+        if plan.shadow_photons.build {
+            if self.observer.is_cancelled() {
+                return None;
+            }
+            build_shadows(self.scene, self.settings, self.observer, self.pass);
+        }
+        Some(())
+    }
+
+    fn build(&mut self, kind: MapKind, counts: PhotonCounts, end: Option<Instant>) -> Option<PhotonMap> {
+        let wanted = counts.for_map(kind);
+        let name = match kind {
+            MapKind::Global => "global",
+            MapKind::Caustic => "caustic",
+        };
+        let (scene, observer) = (self.scene, self.observer);
+        observer.begin(&format!("tracing {name} photons"), wanted);
+        let trace = TraceSettings {
+            kind,
+            stored: wanted,
+            seed: self.settings.seed,
+            max_depth: self.settings.max_depth,
+            aimed: self.settings.aim_photons,
+        };
+        let start = Instant::now();
+        let traced = trace_photons(scene, &trace, &|done, total| {
+            observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
+            !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
+        })?;
+        let seconds_tracing = start.elapsed().as_secs_f64();
+        let statistics = MapStatistics {
+            map: kind,
+            asked: wanted,
+            stopped: traced.stopped,
+            photons: traced.photons.len() as u64,
+            emitted: traced.emitted,
+            bytes: 0,
+            seconds_tracing,
+            seconds_building: 0.0,
+            lights: traced
+                .tallies
+                .iter()
+                .enumerate()
+                .map(|(i, t)| statistics_of(scene, i, t, traced.emitted))
+                .collect(),
+        };
+        self.pass.statistics.push(statistics);
+        let start = Instant::now();
+        let TracedPhotons { photons, emitted, tallies, stopped, reached, missing, divided } = traced;
+        let map = PhotonMap::build_until(photons, emitted, &|| observer.is_cancelled())?;
+        if let Some(statistics) = self.pass.statistics.last_mut() {
+            statistics.photons = map.len() as u64;
+            statistics.bytes = map.memory_bytes() as u64;
+            statistics.seconds_building = start.elapsed().as_secs_f64();
+        }
+        let findings =
+            Findings { scene, name, kind, wanted, map: &map, tallies: &tallies, stopped, reached: &reached };
+        findings.warn(&missing, &divided, &mut self.pass.warnings);
+        self.pass.reports.push(MapReport { kind, emitted, tallies });
+        Some(map)
+    }
 }
 
 /// Events as rare as this come from places where surfaces touch within rounding, and cannot be seen. The statistics have
@@ -170,49 +302,144 @@ fn statistics_of(scene: &Scene, light: usize, tally: &PhotonTally, emitted: u64)
     }
 }
 
-fn warn(
-    name: &str,
+/// A light that emits fewer photons than this shows them one by one.
+const STARVED: u64 = 100;
+
+/// Names listed in one warning.
+const NAMED: usize = 5;
+
+/// What a map tells of its scene.
+struct Findings<'a> {
+    scene: &'a Scene,
+    name: &'static str,
     kind: MapKind,
     wanted: u64,
-    map: &PhotonMap,
-    tallies: &[PhotonTally],
-    warnings: &mut Vec<String>,
-) {
-    if map.is_empty() && wanted > 0 {
-        warnings.push(match kind {
-            MapKind::Caustic => "the caustic map is empty: no photon reached a diffuse surface by way of a specular \
-                                 one; there will be no caustics (is the light blocked, or does nothing diffuse lie \
-                                 behind the glass?)"
-                .to_owned(),
-            MapKind::Global => "the global map is empty: no photon reached a diffuse surface; there will be no \
-                                indirect light"
-                .to_owned(),
-        });
-    } else if (map.len() as f64) < UNDERFILLED * wanted as f64 {
-        warnings.push(format!(
-            "the {name} map holds {} photons of the {wanted} asked for: too few of those emitted are stored",
-            map.len()
-        ));
+    map: &'a PhotonMap,
+    tallies: &'a [PhotonTally],
+    stopped: bool,
+    /// By surface.
+    reached: &'a [bool],
+}
+
+impl Findings<'_> {
+    fn warn(&self, missing: &[LightId], divided: &[LightId], warnings: &mut Vec<String>) {
+        let Self { name, kind, wanted, map, .. } = *self;
+        if map.is_empty() && wanted > 0 {
+            warnings.push(match kind {
+                MapKind::Caustic => "the caustic map is empty: no photon reached a diffuse surface by way of a \
+                                     specular one; there will be no caustics (is the light blocked, or does nothing \
+                                     diffuse lie behind the glass?)"
+                    .to_owned(),
+                MapKind::Global => "the global map is empty: no photon reached a diffuse surface; there will be no \
+                                    indirect light"
+                    .to_owned(),
+            });
+        } else if self.stopped {
+            warnings.push(format!(
+                "the {name} map holds {} photons of the {wanted} asked for, traced in its share of the time limit; \
+                 ask for fewer, or give it more time",
+                map.len()
+            ));
+        } else if (map.len() as f64) < UNDERFILLED * wanted as f64 {
+            warnings.push(format!(
+                "the {name} map holds {} photons of the {wanted} asked for: too few of those emitted are stored",
+                map.len()
+            ));
+        }
+        if map.dropped() > 0 {
+            warnings.push(format!(
+                "{} photons of the {name} map had no finite position and were dropped",
+                map.dropped()
+            ));
+        }
+        let sum = |field: fn(&PhotonTally) -> u64| self.tallies.iter().map(field).sum::<u64>();
+        let emitted = sum(|tally| tally.emitted);
+        let truncated = sum(|tally| tally.truncated);
+        if is_worth_a_warning(truncated, emitted) {
+            warnings.push(format!(
+                "{truncated} photons of the {name} map were cut off at the depth limit; their light is missing (raise \
+                 --max-depth, or is a reflectance 1?)"
+            ));
+        }
+        let mismatches = sum(|tally| tally.medium_mismatches);
+        let met = sum(|tally| tally.interfaces);
+        if is_worth_a_warning(mismatches, met) {
+            warnings.push(format!(
+                "{mismatches} of {met} photons met an interface in another medium than the interface states on that \
+                 side: check `inside` and `outside` of the materials and the direction of normals"
+            ));
+        }
+        self.warn_of_casters(warnings);
+        self.warn_of_lights(missing, divided, warnings);
     }
-    if map.dropped() > 0 {
-        warnings.push(format!(
-            "{} photons of the {name} map had no finite position and were dropped",
-            map.dropped()
-        ));
+
+    /// Casters that no photon met.
+    fn warn_of_casters(&self, warnings: &mut Vec<String>) {
+        if self.map.is_empty() || self.reached.is_empty() {
+            return;
+        }
+        let mut dark: Vec<u32> = self.scene.casters().iter().map(|caster| caster.surface).collect();
+        dark.retain(|&surface| !self.reached[surface as usize]);
+        dark.sort_unstable();
+        dark.dedup();
+        if !dark.is_empty() {
+            let names =
+                listed(dark.iter().map(|&surface| self.scene.surfaces()[surface as usize].name.as_str()));
+            warnings.push(format!(
+                "no caustic photon reached {names}: nothing is lost where no light shines on it; otherwise raise its \
+                 `caustic-photons` or --caustic-photons"
+            ));
+        }
     }
-    let sum = |field: fn(&PhotonTally) -> u64| tallies.iter().map(field).sum::<u64>();
-    let truncated = sum(|tally| tally.truncated);
-    if is_worth_a_warning(truncated, sum(|tally| tally.emitted)) {
-        warnings.push(format!(
-            "{truncated} photons of the {name} map were cut off at the depth limit; their light is missing (raise \
-             --max-depth, or is a reflectance 1?)"
-        ));
+
+    /// Lights with too few photons, and lights on whose side of an interface there is doubt.
+    fn warn_of_lights(&self, missing: &[LightId], divided: &[LightId], warnings: &mut Vec<String>) {
+        let light_name = |light: usize| self.scene.light_note(light).name.as_str();
+        let starved = |tally: &PhotonTally| {
+            let none = self.kind == MapKind::Global && tally.stored == 0 && !self.map.is_empty();
+            tally.emitted > 0 && (tally.emitted < STARVED || none)
+        };
+        let lights: Vec<usize> =
+            (0..self.tallies.len()).filter(|&light| starved(&self.tallies[light])).collect();
+        // A map that was to be small starves every light, which is no news.
+        if !lights.is_empty() && self.wanted >= STARVED * self.tallies.len() as u64 {
+            let photons: u64 = lights.iter().map(|&light| self.tallies[light].emitted).sum();
+            let names = listed(lights.iter().map(|&light| light_name(light)));
+            warnings.push(format!(
+                "only {photons} photons of the {} map left {names}, fewer than {STARVED} each or none that was stored: \
+                 their light is noise or missing; give them more with `photons` in the scene file, or raise \
+                 --{}-photons",
+                self.name, self.name
+            ));
+        }
+        if !missing.is_empty() {
+            warnings.push(format!(
+                "no photon of the {} map was traced from {} within the time limit: their light is missing",
+                self.name,
+                listed(missing.iter().map(|&light| light_name(light as usize)))
+            ));
+        }
+        // The same for all maps.
+        if !divided.is_empty() && self.pass_is_first() {
+            warnings.push(format!(
+                "{}: in more than one medium on one side, and all photons from there start in the one that most of it \
+                 is in; check `inside` and `outside` of the materials around it",
+                listed(divided.iter().map(|&light| light_name(light as usize)))
+            ));
+        }
     }
-    let mismatches = sum(|tally| tally.medium_mismatches);
-    if is_worth_a_warning(mismatches, sum(|tally| tally.interfaces)) {
-        warnings.push(format!(
-            "{mismatches} times a photon met an interface in another medium than the interface states on that side: \
-             check `inside` and `outside` of the materials and the direction of normals"
-        ));
+
+    fn pass_is_first(&self) -> bool {
+        self.kind == MapKind::Global
+    }
+}
+
+/// Names in quotes, the first few of them.
+fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+    let count = names.len();
+    let shown: Vec<String> = names.take(NAMED).map(|name| format!("`{name}`")).collect();
+    match count.saturating_sub(NAMED) {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
     }
 }

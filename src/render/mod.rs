@@ -2,12 +2,14 @@
 
 mod job;
 mod maps;
+mod memory;
 mod observer;
 mod settings;
 mod stats;
 
 pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
 pub use maps::{MapReport, PassOne, build_maps};
+pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
 pub use settings::*;
-pub use stats::{MapStatistics, PhotonStatistics, Statistics, Times};
+pub use stats::{CacheStatistics, MapStatistics, PhotonStatistics, ShadowStatistics, Statistics, Times};

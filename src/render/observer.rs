@@ -1,3 +1,5 @@
+use std::time::Instant;
+
 /// Follows a render: shows progress, and may ask it to stop.
 pub trait Observer: Sync {
     /// A step begins, of `total` units.
@@ -8,6 +10,17 @@ pub trait Observer: Sync {
 
     /// Asked often, from all threads: true stops the render as soon as what is under way is whole.
     fn should_stop(&self) -> bool;
+
+    /// Asked in pass 1, where stopping leaves no picture: true only where none is wanted any more. Once true it stays so.
+    fn is_cancelled(&self) -> bool {
+        self.should_stop()
+    }
+
+    /// When rendering is to end, if that is known: tracing photons then takes no more than a share of the time that is
+    /// left (`PHOTON_SHARE` in `maps.rs`).
+    fn deadline(&self) -> Option<Instant> {
+        None
+    }
 }
 
 /// Watches nothing and never stops.

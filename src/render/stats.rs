@@ -1,4 +1,4 @@
-use crate::integrators::Counters;
+use crate::integrators::{Counters, ShadowCounters};
 use crate::scene::{MapKind, RenderPlan};
 use serde::Serialize;
 
@@ -9,6 +9,8 @@ pub struct Times {
     pub scene: f64,
     /// Pass 1.
     pub photons: f64,
+    /// Filling the irradiance cache.
+    pub cache: f64,
     /// Pass 2.
     pub pixels: f64,
 }
@@ -28,7 +30,7 @@ pub struct PhotonStatistics {
     pub missed: u64,
     /// Photons cut off at the depth limit.
     pub truncated: u64,
-    /// Interfaces met in another medium than they state.
+    /// Photons that met an interface in another medium than it states.
     pub medium_mismatches: u64,
     /// Flux that left the light towards the aim.
     pub flux_emitted: [f64; 3],
@@ -45,6 +47,10 @@ pub struct PhotonStatistics {
 pub struct MapStatistics {
     /// Which map.
     pub map: MapKind,
+    /// Photons asked for.
+    pub asked: u64,
+    /// Whether tracing was stopped before all photons were emitted.
+    pub stopped: bool,
     /// Photons stored.
     pub photons: u64,
     /// Photons emitted.
@@ -57,6 +63,45 @@ pub struct MapStatistics {
     pub seconds_building: f64,
     /// By light.
     pub lights: Vec<PhotonStatistics>,
+}
+
+/// The irradiance cache.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CacheStatistics {
+    /// Records.
+    pub records: u64,
+    /// Hemispheres whose light was not finite and which were left out.
+    pub rejected: u64,
+    /// Rays and look-ups of filling it.
+    pub counters: Counters,
+}
+
+/// Direct and shadow photons of one light, and what they decided.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ShadowStatistics {
+    /// Number of the light.
+    pub light: u32,
+    /// Rays traced through the scene.
+    pub rays: u64,
+    /// Rays that crossed nothing.
+    pub missed: u64,
+    /// Surfaces crossed.
+    pub crossings: u64,
+    /// Hits at edges and corners that were the same crossing as another.
+    pub merged: u64,
+    /// Crossings beyond what is kept of one ray.
+    pub dropped: u64,
+    /// Direct photons stored.
+    pub direct_photons: u64,
+    /// Shadow photons stored.
+    pub shadow_photons: u64,
+    /// Memory of what is kept of them.
+    pub bytes: u64,
+    /// What was decided at the points that were shaded.
+    #[serde(flatten)]
+    pub decisions: ShadowCounters,
+    /// Shadow rays saved of those that full shadow rays would have needed, percent.
+    pub rays_saved_percent: f64,
 }
 
 /// Everything that `--stats` writes.
@@ -78,12 +123,23 @@ pub struct Statistics {
     pub samples: u64,
     /// Photon maps.
     pub maps: Vec<MapStatistics>,
+    /// Shadow photons, by light; empty where they are not used.
+    pub shadows: Vec<ShadowStatistics>,
+    /// Seconds to trace and sort them.
+    pub seconds_shadows: f64,
     /// Bytes of precomputed irradiance.
     pub irradiance_bytes: u64,
+    /// The irradiance cache, where there is one.
+    pub cache: Option<CacheStatistics>,
+    /// Bytes of the distributions that guide directions.
+    pub guide_bytes: u64,
     /// Rays and look-ups of pass 2.
     pub counters: Counters,
     /// Segments per camera ray: the mean ray depth.
     pub mean_depth: f64,
+    /// Segments from the eye to the look-up behind a diffuse reflection, mean over these paths (filling the cache included):
+    /// the mean depth of image-sampling rays of section 6 of Jensen 1996. Zero where there are none.
+    pub mean_path_depth: f64,
     /// Samples that were not finite and were left out.
     pub rejected_samples: u64,
     /// Warnings.

@@ -5,13 +5,15 @@
 
 mod distribution;
 mod rng;
+mod roulette;
 mod samples;
 mod sobol;
 pub mod warp;
 
-pub use distribution::Distribution1D;
+pub use distribution::{Distribution1D, Distribution2D};
 pub use rng::{Rng, Stream, mix};
-pub use samples::{SampleStream, Splits};
+pub use roulette::chain_roulette;
+pub use samples::{SampleStream, Splits, refined};
 pub use sobol::{SOBOL_DIMENSIONS, Sobol, SobolSet};
 
 /// Largest `f32` below one: what a uniform variate is clamped to.

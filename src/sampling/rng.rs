@@ -14,6 +14,10 @@ pub enum Stream {
     Prepass = 4,
     /// Everything a test or a measurement draws.
     Measure = 5,
+    /// Hemispheres of the irradiance cache.
+    IrradianceCache = 16,
+    /// Rays that place direct and shadow photons.
+    ShadowPhotons = 17,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

@@ -1,6 +1,7 @@
-use crate::bsdf::{Bsdf, Dielectric, Lambert, Mirror};
+use crate::bsdf::{Bsdf, Dielectric, Lambert, Mirror, RoughDielectric};
 use crate::math::Rgb;
 use crate::media::MediumId;
+use glam::Vec3;
 
 /// What a surface is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +29,44 @@ pub enum Material {
         /// The interface itself.
         interface: Dielectric,
     },
+    /// Rough interface between two media.
+    RoughDielectric {
+        /// Medium on the side away from the normal.
+        inside: MediumId,
+        /// Medium on the side of the normal.
+        outside: MediumId,
+        /// The interface itself.
+        interface: RoughDielectric,
+    },
+    /// Schlick's or Ward's model, or a metal.
+    Glossy {
+        /// The model, for the side that reflects.
+        bsdf: Bsdf,
+        /// Whether the back reflects as well.
+        two_sided: bool,
+        /// How an anisotropic model lies in the surface.
+        tangent: Option<Tangent>,
+    },
+}
+
+/// The direction along an anisotropic surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tangent {
+    /// A direction, projected into the surface.
+    Along(Vec3),
+    /// Around an axis, as of something turned on a lathe.
+    Around(Vec3),
+}
+
+impl Tangent {
+    /// The direction at a place with this normal, not of unit length; may be zero.
+    #[inline]
+    pub fn at(&self, normal: Vec3) -> Vec3 {
+        match *self {
+            Self::Along(direction) => direction,
+            Self::Around(axis) => axis.cross(normal),
+        }
+    }
 }
 
 impl Material {
@@ -36,12 +75,40 @@ impl Material {
     #[inline]
     pub(super) fn bsdf(&self, front: bool) -> (Bsdf, bool) {
         match *self {
-            Self::Lambert { two_sided: false, .. } | Self::Mirror { two_sided: false, .. } if !front => {
+            Self::Lambert { two_sided: false, .. }
+            | Self::Mirror { two_sided: false, .. }
+            | Self::Glossy { two_sided: false, .. }
+                if !front =>
+            {
                 (Bsdf::BLACK, false)
             }
-            Self::Lambert { reflectance, .. } => (Bsdf::Lambert(Lambert { reflectance }), false),
-            Self::Mirror { reflectance, .. } => (Bsdf::Mirror(Mirror { reflectance }), false),
-            Self::Dielectric { interface, .. } => (Bsdf::Dielectric(interface), true),
+            _ => (self.front_bsdf(), !self.is_opaque()),
+        }
+    }
+
+    /// The BSDF on the side of the normal.
+    #[inline]
+    fn front_bsdf(&self) -> Bsdf {
+        match *self {
+            Self::Lambert { reflectance, .. } => Bsdf::Lambert(Lambert { reflectance }),
+            Self::Mirror { reflectance, .. } => Bsdf::Mirror(Mirror { reflectance }),
+            Self::Dielectric { interface, .. } => Bsdf::Dielectric(interface),
+            Self::RoughDielectric { interface, .. } => Bsdf::RoughDielectric(interface),
+            Self::Glossy { bsdf, .. } => bsdf,
+        }
+    }
+
+    #[inline]
+    fn is_opaque(&self) -> bool {
+        !matches!(self, Self::Dielectric { .. } | Self::RoughDielectric { .. })
+    }
+
+    /// How an anisotropic model lies in the surface; `None` where nothing depends on it.
+    #[inline]
+    pub(super) fn tangent(&self) -> Option<Tangent> {
+        match *self {
+            Self::Glossy { tangent, .. } => tangent,
+            _ => None,
         }
     }
 
@@ -50,22 +117,38 @@ impl Material {
     #[inline]
     pub fn medium_on(&self, front: bool) -> Option<MediumId> {
         match *self {
-            Self::Dielectric { inside, outside, .. } => Some(if front { outside } else { inside }),
-            Self::Lambert { .. } | Self::Mirror { .. } => None,
+            Self::Dielectric { inside, outside, .. } | Self::RoughDielectric { inside, outside, .. } => {
+                Some(if front { outside } else { inside })
+            }
+            Self::Lambert { .. } | Self::Mirror { .. } | Self::Glossy { .. } => None,
         }
     }
 
     /// True where photons are stored and maps are asked.
     pub fn has_diffuse(&self) -> bool {
-        matches!(self, Self::Lambert { reflectance, .. } if reflectance.max_element() > 0.0)
+        self.front_bsdf().has_diffuse()
     }
 
-    /// True where light is mirrored or refracted: what makes caustics.
+    /// True where light is reflected or refracted by a highly glossy lobe, which is followed by distribution rays.
+    pub fn has_glossy(&self) -> bool {
+        self.front_bsdf().has_glossy()
+    }
+
+    /// True where light is mirrored or refracted, ideally or highly glossy: what makes caustics.
     pub fn is_specular(&self) -> bool {
-        match self {
-            Self::Lambert { .. } => false,
-            Self::Mirror { reflectance, .. } => reflectance.max_element() > 0.0,
-            Self::Dielectric { .. } => true,
+        self.specularity() > 0.0
+    }
+
+    /// Largest share of the light that is mirrored or refracted, ideally or highly glossy, near normal incidence: what
+    /// decides whether a surface casts caustics, and how many photons are aimed at it (Jensen & Christensen 1995,
+    /// section 3).
+    pub fn specularity(&self) -> f32 {
+        let bsdf = self.front_bsdf();
+        if !(bsdf.has_specular() || bsdf.has_glossy()) {
+            return 0.0;
         }
+        let [_, glossy, specular] = bsdf.lobe_weights(glam::Vec3::Z);
+        // A lobe that is there and reflects next to nothing at this incidence still casts.
+        (glossy + specular).clamp(1e-3, 1.0)
     }
 }

@@ -1,13 +1,17 @@
 //! The scene as the integrators see it: immutable, in render space, shared by all threads.
 
+mod crossings;
 mod material;
 mod plan;
 mod render_space;
 mod surface;
+mod texture;
 mod world;
 
-pub use material::Material;
-pub use plan::{Decision, IntegratorKind, MapKind, RenderPlan};
+pub use crossings::Crossings;
+pub use material::{Material, Tangent};
+pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowMode};
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
-pub use world::{Geometry, Mesh, Node, Scene, SceneParts, Surface};
+pub use texture::{Bump, MaterialTexture};
+pub use world::{Geometry, LightNote, Mesh, Node, Scene, SceneParts, Surface, Target};

@@ -1,6 +1,8 @@
 //! What a scene requires, decided in one place, with reasons in words.
 
 use super::{Geometry, Material, Scene};
+use crate::bsdf::GLOSS_THRESHOLD;
+use crate::lights::Light;
 use serde::Serialize;
 use std::fmt;
 
@@ -24,6 +26,45 @@ pub enum MapKind {
     Global,
     /// Photons that met only specular surfaces between the light and the surface they are stored at.
     Caustic,
+}
+
+/// Whether photons stored along rays from the lights through the whole scene (Jensen & Christensen 1995, section 3 of
+/// Jensen 1996) tell where shadow rays are not needed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ShadowMode {
+    /// No: every shadow ray is traced.
+    Off,
+    /// Section 4.1 of Jensen 1996 to the letter: no ray where the nearest photons are all direct or all shadow.
+    AsPrinted,
+    /// No ray where enough photons around a point agree that, with a stated confidence, less than a stated share of the
+    /// light is otherwise.
+    Bounded,
+}
+
+impl ShadowMode {
+    /// Whether shadow photons answer for `light`.
+    ///
+    /// `AsPrinted` asks them for all lights that shine from somewhere, as the paper does. `Bounded` asks them for lights
+    /// with a size alone: at the sharp edge of a point light's shadow a wrong answer would be wrong by all of the light,
+    /// and one ray is the exact answer.
+    pub fn serves(self, light: &Light) -> bool {
+        match (self, light) {
+            (Self::Off, _) | (_, Light::Environment(_)) => false,
+            (_, Light::Area(_)) | (Self::AsPrinted, Light::Point(_) | Light::Directional(_)) => true,
+            (Self::Bounded, Light::Point(_) | Light::Directional(_)) => false,
+        }
+    }
+}
+
+/// What helps a BSDF to draw directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GuideKind {
+    /// Nothing.
+    None,
+    /// Photons: directions that much light came from are drawn more often (Jensen 1995).
+    Photons,
 }
 
 /// Whether something is built, and why.
@@ -60,10 +101,18 @@ pub struct RenderPlan {
     pub caustic_map: Decision,
     /// Final gathering of soft indirect light.
     pub final_gather: Decision,
+    /// Distribution rays from highly glossy surfaces.
+    pub glossy_sampling: Decision,
+    /// Indirect light of Lambertian surfaces, gathered at few places and interpolated.
+    pub irradiance_cache: Decision,
+    /// Distributions of directions, made of photons, to draw gather rays and paths from.
+    pub guide: Decision,
     /// Shadow rays to sampled points of lights.
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
     pub bsdf_sampling: Decision,
+    /// Maps of direct and shadow photons, one for each light, that tell where shadow rays are not needed.
+    pub shadow_photons: Decision,
     /// Absorption along rays.
     pub absorption: Decision,
     /// Embree geometry kinds in the scene, with counts.
@@ -85,17 +134,29 @@ impl RenderPlan {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::no("path tracing needs no maps"),
             },
+            glossy_sampling: facts.glossy_sampling(integrator),
+            irradiance_cache: facts.irradiance_cache(integrator),
+            guide: Decision::no("directions are drawn from BSDFs alone"),
             light_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 _ if !facts.lit => Decision::no("there is no light"),
-                _ if facts.diffuse == 0 => Decision::no("there is no diffuse surface"),
-                _ => Decision::yes(format!("{} light(s) seen from diffuse surfaces", scene.lights().len())),
+                _ if facts.diffuse + facts.glossy == 0 => {
+                    Decision::no("there is no diffuse or glossy surface")
+                }
+                _ if facts.glossy == 0 => {
+                    Decision::yes(format!("{} light(s) seen from diffuse surfaces", scene.lights().len()))
+                }
+                _ => Decision::yes(format!(
+                    "{} light(s) seen from diffuse or glossy surfaces",
+                    scene.lights().len()
+                )),
             },
             bsdf_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::yes("paths that hit lights by chance carry caustics"),
                 IntegratorKind::PhotonMap => facts.bsdf_sampling(),
             },
+            shadow_photons: Decision::no("every shadow ray is traced"),
             absorption: if facts.absorbing > 0 {
                 Decision::yes(format!("{} medium or media absorb", facts.absorbing))
             } else {
@@ -105,14 +166,74 @@ impl RenderPlan {
         }
     }
 
+    /// The same without the irradiance cache unless it is `wanted`.
+    #[must_use]
+    pub fn with_cache(mut self, wanted: bool) -> Self {
+        if !wanted && self.irradiance_cache.build {
+            self.irradiance_cache = Decision::no("switched off: every camera sample gathers for itself");
+        }
+        self
+    }
+
+    /// The same plan where photons are asked to guide: paths then need the global map.
+    #[must_use]
+    pub fn guided(mut self, scene: &Scene, integrator: IntegratorKind, guide: GuideKind) -> Self {
+        if guide == GuideKind::None {
+            return self;
+        }
+        let facts = Facts::of(scene);
+        self.guide = match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            _ if !facts.lit || facts.diffuse == 0 => Decision::no("no light reaches a diffuse surface"),
+            _ => Decision::yes("photons tell where indirect light comes from"),
+        };
+        if self.guide.build && !self.global_map.build {
+            self.global_map = Decision::yes("its photons guide the paths; no path reads it");
+        }
+        self
+    }
+
+    /// The same plan with shadow photons as asked for; `show` where photons are shown by class.
+    #[must_use]
+    pub fn with_shadow_photons(mut self, scene: &Scene, mode: ShadowMode, show: bool) -> Self {
+        let sized = scene.lights().iter().filter(|light| mode.serves(light)).count();
+        self.shadow_photons = if show {
+            Decision::yes("photons are shown by their class")
+        } else if mode == ShadowMode::Off {
+            return self;
+        } else if !self.light_sampling.build {
+            Decision::no(self.light_sampling.reason.clone())
+        } else if !self.global_map.build {
+            Decision::no("path tracing traces every shadow ray")
+        } else if sized == 0 && mode == ShadowMode::Bounded {
+            Decision::no(
+                "no light has a size: from a point or parallel light one shadow ray tells exactly, and light from all \
+                 around is nearly nowhere whole",
+            )
+        } else if sized == 0 {
+            Decision::no("light from all around is nearly nowhere whole")
+        } else if !scene.embree().finds_all_crossings() {
+            Decision::no(
+                "this Embree was built without filter functions, by which all crossings of a ray are found",
+            )
+        } else {
+            Decision::yes(format!("{sized} light(s) are wholly seen or hidden from large areas"))
+        };
+        self
+    }
+
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 6] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 10] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
             ("final gathering", &self.final_gather),
+            ("glossy sampling", &self.glossy_sampling),
+            ("irradiance cache", &self.irradiance_cache),
+            ("guided directions", &self.guide),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
+            ("shadow photons", &self.shadow_photons),
             ("absorption", &self.absorption),
         ]
     }
@@ -122,7 +243,9 @@ impl RenderPlan {
 struct Facts {
     lit: bool,
     diffuse: usize,
+    lambert: usize,
     specular: usize,
+    glossy: usize,
     absorbing: usize,
     wide_lights: usize,
     geometry: Vec<String>,
@@ -131,12 +254,15 @@ struct Facts {
 impl Facts {
     fn of(scene: &Scene) -> Self {
         let count = |test: fn(&Material) -> bool| {
-            scene.surfaces().iter().filter(|s| test(&scene.materials()[s.material as usize].1)).count()
+            let tests = |material: u32| test(&scene.materials()[material as usize].1);
+            scene.surfaces().iter().filter(|surface| surface.all_materials().any(tests)).count()
         };
         Self {
             lit: scene.light_power().is_some(),
             diffuse: count(Material::has_diffuse),
+            lambert: count(|m| m.has_diffuse() && matches!(m, Material::Lambert { .. })),
             specular: count(Material::is_specular),
+            glossy: count(Material::has_glossy),
             absorbing: scene.media().iter().filter(|medium| !medium.is_clear()).count(),
             wide_lights: scene.lights().iter().filter(|light| light.needs_bsdf_sampling()).count(),
             geometry: geometry_kinds(scene),
@@ -164,11 +290,42 @@ impl Facts {
         }
     }
 
+    fn glossy_sampling(&self, integrator: IntegratorKind) -> Decision {
+        if self.glossy == 0 {
+            return Decision::no("no surface is highly glossy");
+        }
+        let surfaces = self.glossy;
+        match integrator {
+            IntegratorKind::Path => Decision::no("path tracing follows one direction at a time"),
+            _ => Decision::yes(format!(
+                "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
+            )),
+        }
+    }
+
+    fn irradiance_cache(&self, integrator: IntegratorKind) -> Decision {
+        match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            IntegratorKind::Path => Decision::no("path tracing needs no maps"),
+            IntegratorKind::PhotonMap if !self.lit => Decision::no("there is no light"),
+            IntegratorKind::PhotonMap if self.lambert == 0 => {
+                Decision::no("no Lambertian surface: indirect light depends on the direction of view")
+            }
+            IntegratorKind::PhotonMap => Decision::yes(format!(
+                "indirect light changes slowly over {} Lambertian surface(s)",
+                self.lambert
+            )),
+        }
+    }
+
     fn bsdf_sampling(&self) -> Decision {
         if self.wide_lights == 0 || self.diffuse == 0 {
             Decision::no("every light is sampled well by its solid angle")
         } else {
-            Decision::yes(format!("{} light(s) can fill much of the hemisphere", self.wide_lights))
+            Decision::yes(format!(
+                "{} light(s) can fill much of the hemisphere, or are sampled by area",
+                self.wide_lights
+            ))
         }
     }
 }

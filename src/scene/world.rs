@@ -3,9 +3,10 @@
 use super::material::Material;
 use super::render_space::RenderSpace;
 use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
+use super::texture::MaterialTexture;
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
 use crate::lights::{Light, LightId};
-use crate::math::{Ray, unit};
+use crate::math::{Ray, Rgb, unit};
 use crate::media::{AIR, Medium, MediumId};
 use crate::sampling::{Distribution1D, Sobol, warp};
 use glam::{Vec3, Vec3A};
@@ -55,8 +56,18 @@ pub struct Surface {
     pub flip_normal: bool,
     /// Index into [`Scene::materials`].
     pub material: u32,
+    /// The same for each part of an object whose parts differ; empty where they do not.
+    pub part_materials: Vec<u32>,
     /// The light that this surface is, if it emits.
     pub light: Option<LightId>,
+}
+
+impl Surface {
+    /// All materials that the surface has somewhere.
+    pub fn all_materials(&self) -> impl Iterator<Item = u32> + '_ {
+        let own = self.part_materials.is_empty().then_some(self.material);
+        own.into_iter().chain(self.part_materials.iter().copied())
+    }
 }
 
 /// What stands behind a geometry number of the top-level Embree scene.
@@ -73,6 +84,29 @@ pub enum Node {
     },
 }
 
+/// A sphere around a surface, as projection maps see it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Centre.
+    pub center: Vec3,
+    /// Radius, with room for the rounding of the surface.
+    pub radius: f32,
+    /// How dense caustic photons are to be in the directions of this surface: its specularity times what the scene file
+    /// asks for. Zero for what casts no caustics.
+    pub density: f32,
+    /// Index into [`Scene::surfaces`].
+    pub surface: u32,
+}
+
+/// What is known of a light beside what it emits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightNote {
+    /// Name in the scene file, for messages.
+    pub name: String,
+    /// Photons in proportion to other lights of the same flux; positive.
+    pub photons: f32,
+}
+
 /// Everything a scene is made of.
 #[derive(Debug)]
 pub struct SceneParts {
@@ -86,6 +120,8 @@ pub struct SceneParts {
     pub surfaces: Vec<Surface>,
     /// Materials and their names.
     pub materials: Vec<(String, Material)>,
+    /// Textures by material; may be shorter than the materials, and empty where there are none.
+    pub textures: Vec<MaterialTexture>,
     /// Media; the first is air.
     pub media: Vec<Medium>,
     /// Lights.
@@ -94,14 +130,18 @@ pub struct SceneParts {
     pub space: RenderSpace,
     /// Bounds of all surfaces in render space: centre and radius.
     pub bounds: (Vec3, f32),
-    /// Spheres around each specular surface in render space: where caustic photons are aimed.
-    pub casters: Vec<(Vec3, f32)>,
+    /// Spheres around the surfaces in render space: what photons are aimed at.
+    pub targets: Vec<Target>,
+    /// By light: name in the scene file, and photons in proportion to others of the same flux.
+    pub light_notes: Vec<LightNote>,
 }
 
 /// An immutable scene.
 #[derive(Debug)]
 pub struct Scene {
     parts: SceneParts,
+    /// Those of the targets that cast caustics.
+    casters: Vec<Target>,
     /// Lights by their flux; `None` where there is no light.
     light_power: Option<Distribution1D>,
     environment: Option<LightId>,
@@ -115,7 +155,8 @@ impl Scene {
         let light_power = Distribution1D::new(flux);
         let environment =
             parts.lights.iter().position(|light| light.is_environment()).map(|index| index as LightId);
-        Self { parts, light_power, environment }
+        let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
+        Self { parts, casters, light_power, environment }
     }
 
     /// Name of the scene.
@@ -142,7 +183,7 @@ impl Scene {
     /// Material of a hit.
     #[inline]
     pub fn material(&self, interaction: &SurfaceInteraction) -> &Material {
-        &self.parts.materials[self.surface(interaction).material as usize].1
+        &self.parts.materials[interaction.material as usize].1
     }
 
     /// Media; index 0 is air.
@@ -181,14 +222,33 @@ impl Scene {
         self.parts.bounds
     }
 
-    /// Spheres around the specular surfaces, render space.
-    pub fn casters(&self) -> &[(Vec3, f32)] {
-        &self.parts.casters
+    /// Spheres around all surfaces, render space; one for each place where an instance puts one.
+    pub fn targets(&self) -> &[Target] {
+        &self.parts.targets
+    }
+
+    /// Those of them that cast caustics.
+    pub fn casters(&self) -> &[Target] {
+        &self.casters
+    }
+
+    /// Name of a light in the scene file, and how many photons it is to get.
+    pub fn light_note(&self, light: usize) -> &LightNote {
+        &self.parts.light_notes[light]
     }
 
     /// True where point or parallel lights shine on specular surfaces: light that only photons find.
     pub fn has_hidden_caustics(&self) -> bool {
-        !self.parts.casters.is_empty() && self.parts.lights.iter().any(Light::is_delta)
+        !self.casters.is_empty() && self.parts.lights.iter().any(Light::is_delta)
+    }
+
+    /// The surface that Embree hit: index into [`Self::surfaces`].
+    #[inline]
+    pub fn surface_of(&self, hit: &RawHit) -> u32 {
+        match &self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize] {
+            Node::Surface(index) => *index,
+            Node::Instance { first, .. } => first + hit.geometry,
+        }
     }
 
     /// The Embree scene, for benchmarks that trace bare rays.
@@ -214,21 +274,42 @@ impl Scene {
         self.parts.embree.occluded(ray)
     }
 
-    /// Turns Embree's hit into a point with its error bound.
+    /// Turns Embree's hit into a point with its error bound, and looks up the textures of its material.
     #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
+        let found = self.plain_interaction(ray, hit);
+        if self.parts.textures.is_empty() { found } else { self.textured(found) }
+    }
+
+    /// [`Self::interaction`] without textures.
+    #[inline(always)]
+    fn plain_interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
         if let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance) {
             let surface = &self.parts.surfaces[*index as usize];
             if let Geometry::Mesh(mesh) = &surface.geometry {
                 // Nearly every hit there is.
                 let corners = mesh.buffers.corners(hit.primitive);
-                let point = HitPoint::on_triangle(corners, hit.uv)
+                let point = HitPoint::on_triangle_along(corners, hit.uv, ray, hit.t)
                     .unwrap_or_else(|| flat_hit(corners, -ray.direction));
                 let shading_normal = mesh.shading_normal(hit.primitive, hit.uv, point.normal);
                 return found(ray, hit, *index, surface, point, shading_normal);
             }
         }
         self.general_interaction(ray, hit)
+    }
+
+    /// The hit with the textures of its material looked up.
+    #[inline(never)]
+    fn textured(&self, mut hit: SurfaceInteraction) -> SurfaceInteraction {
+        if let Some(texture) = self.texture_of(hit.material) {
+            texture.apply(&mut hit, &self.parts.space);
+        }
+        hit
+    }
+
+    /// Textures of a material, if it has any.
+    fn texture_of(&self, material: u32) -> Option<&MaterialTexture> {
+        self.parts.textures.get(material as usize).filter(|texture| !texture.is_plain())
     }
 
     /// What a photon needs of its hit where that is as simple as most are: a flat triangle of a Lambert surface,
@@ -244,7 +325,10 @@ impl Scene {
         else {
             return None;
         };
-        let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?;
+        if self.texture_of(surface.material).is_some() {
+            return None;
+        }
+        let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?.closer(ray, hit.t);
         let cosine = -point.normal.dot(Vec3A::from(ray.direction));
         let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
         let facing = if cosine > 0.0 { point.normal } else { -point.normal };
@@ -260,6 +344,7 @@ impl Scene {
             Node::Instance { first, placement } => (first + hit.geometry, Some(placement)),
         };
         let surface = &self.parts.surfaces[index as usize];
+        let mut part = 0;
         let (mut point, mut shading_normal) = match &surface.geometry {
             Geometry::Mesh(mesh) => {
                 let corners = mesh.buffers.corners(hit.primitive);
@@ -269,8 +354,9 @@ impl Scene {
             }
             Geometry::Procedural(object) => {
                 let local = placement.map_or(*ray, |placement| placement.ray_to_object(ray));
-                let point = HitPoint::on_procedural(&object.refine(hit.primitive, &local, hit.t));
-                (point, point.normal)
+                let refined = object.refine(hit.primitive, &local, hit.t);
+                part = refined.part;
+                (HitPoint::on_procedural(&refined), refined.shading_normal.as_vec3())
             }
         };
         if let Some(placement) = placement {
@@ -278,7 +364,11 @@ impl Scene {
             point = point.transformed(placement);
             shading_normal = if is_flat { point.normal } else { placement.normal_to_world(shading_normal) };
         }
-        found(ray, hit, index, surface, point, shading_normal)
+        let mut found = found(ray, hit, index, surface, point, shading_normal);
+        if let Some(&material) = surface.part_materials.get(part as usize) {
+            found.material = material;
+        }
+        found
     }
 
     /// How far the surface at `position`, with the unit `normal`, goes on along the unit `tangent`, as seen from that
@@ -325,7 +415,7 @@ impl Scene {
     /// Parameter and facing normal of the nearest hit of a ray whose direction may have any length.
     fn intersect_any_direction(&self, ray: &Ray) -> Option<(f32, Vec3)> {
         let hit = self.parts.embree.intersect(ray)?;
-        Some((hit.t, self.interaction(ray, &hit).facing_normal()))
+        Some((hit.t, self.plain_interaction(ray, &hit).facing_normal()))
     }
 
     /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the
@@ -360,20 +450,32 @@ impl Scene {
     /// The medium at `point`, by asking rays in many directions which side of an interface they meet first: the
     /// majority decides. Air where no ray meets an interface.
     pub fn medium_at(&self, point: Vec3) -> MediumId {
+        self.medium_around(&[(point, Vec3::ZERO)]).0
+    }
+
+    /// [`Self::medium_at`] by the votes of all `points`, each by rays on the side of its normal where that is not zero; and
+    /// whether more than a quarter of the votes that were cast are for other media.
+    pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (MediumId, bool) {
         const RAYS: u32 = 32;
         let sequence = Sobol::new(0x006d_6564_6975_6d00);
         let mut votes = vec![0u32; self.parts.media.len()];
-        for index in 0..RAYS {
-            let direction = warp::square_to_sphere(sequence.sample_2d(0, index));
-            if let Some(medium) = self.first_interface(Ray::new(point, direction)) {
-                votes[medium as usize] += 1;
+        for &(point, normal) in points {
+            for index in 0..RAYS {
+                let direction = warp::square_to_sphere(sequence.sample_2d(0, index));
+                let below = direction.dot(normal).min(0.0);
+                let direction = direction - normal * (2.0 * below);
+                if let Some(medium) = self.first_interface(Ray::new(point, direction)) {
+                    votes[medium as usize] += 1;
+                }
             }
         }
         let best = votes.iter().copied().max().unwrap_or(0);
         if best == 0 {
-            return AIR;
+            return (AIR, false);
         }
-        votes.iter().position(|&n| n == best).map_or(AIR, |index| index as MediumId)
+        let all: u32 = votes.iter().sum();
+        let medium = votes.iter().position(|&n| n == best).map_or(AIR, |index| index as MediumId);
+        (medium, 4 * (all - best) > all)
     }
 
     /// The medium on this side of the first interface along `ray`; opaque surfaces do not bound media and are passed.
@@ -411,6 +513,8 @@ fn found(
         distance: hit.t,
         surface: index,
         primitive: hit.primitive,
+        material: surface.material,
+        tint: Rgb::ONE,
     }
 }
 

@@ -1,8 +1,14 @@
 //! What a scene file says, before anything is built of it: plain data in `f64`, metres and watts, each part with
 //! the place in the file it came from.
 
+use super::generate::Generator;
+use super::mesh::TriangleMesh;
+use crate::bsdf::Bsdf;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
+use crate::scene::Tangent;
+use crate::shapes::{Csg, TerrainNoise};
+use crate::textures::SolidTexture;
 use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
 use std::path::PathBuf;
@@ -69,8 +75,12 @@ pub struct SceneDescription {
     pub render: Overrides,
     /// Media by name; `air` (index of refraction 1, no absorption) always exists and comes first.
     pub media: Vec<Named<MediumDescription>>,
+    /// Solid textures by name.
+    pub textures: Vec<Named<SolidTexture>>,
     /// Materials by name.
     pub materials: Vec<Named<MaterialDescription>>,
+    /// Textures of each material; may be shorter than `materials`.
+    pub looks: Vec<MaterialLook>,
     /// Shapes, some of which emit, some of which belong to groups.
     pub shapes: Vec<Named<ShapeDescription>>,
     /// Groups that instances place; a group by itself is not in the picture.
@@ -79,6 +89,8 @@ pub struct SceneDescription {
     pub instances: Vec<Named<InstanceDescription>>,
     /// Lights without a surface.
     pub lights: Vec<Named<LightDescription>>,
+    /// By light: photons in proportion to other lights of the same flux.
+    pub light_photons: Vec<f64>,
     /// What the reader noticed that is legal but probably not meant.
     pub warnings: Vec<SceneWarning>,
 }
@@ -188,13 +200,33 @@ pub enum MaterialDescription {
         /// As for Lambert.
         two_sided: bool,
     },
-    /// A smooth interface between two media.
+    /// An interface between two media.
     Dielectric {
         /// Index into [`SceneDescription::media`] on the side away from the normal.
         inside: usize,
         /// Index into [`SceneDescription::media`] on the side of the normal.
         outside: usize,
+        /// The alpha of GGX, in `[0, 1]`; zero for a smooth interface.
+        roughness: f64,
     },
+    /// Schlick's or Ward's model, or a metal.
+    Glossy {
+        /// The model.
+        bsdf: Bsdf,
+        /// As for Lambert.
+        two_sided: bool,
+        /// How an anisotropic model lies in the surface.
+        tangent: Option<Tangent>,
+    },
+}
+
+/// Textures of a material: indices into [`SceneDescription::textures`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MaterialLook {
+    /// Factor on the reflectance.
+    pub colour: Option<usize>,
+    /// What tilts the shading normal, and its height in metres.
+    pub bump: Option<(usize, f64)>,
 }
 
 /// Light that a surface emits.
@@ -204,6 +236,8 @@ pub struct EmissionDescription {
     pub radiance: DVec3,
     /// Whether both sides emit; otherwise only the side of the normal.
     pub two_sided: bool,
+    /// Photons in proportion to other lights of the same flux.
+    pub photons: f64,
 }
 
 /// A shape and what it is made of.
@@ -219,6 +253,8 @@ pub struct ShapeDescription {
     pub flip_normal: bool,
     /// Index into [`SceneDescription::materials`].
     pub material: usize,
+    /// Caustic photons in the directions of this shape, in proportion to other shapes of the same material.
+    pub caustic_photons: f64,
     /// Emission, if any.
     pub emission: Option<EmissionDescription>,
     /// Index into [`SceneDescription::groups`], or `None` for a shape that is in the picture as it is.
@@ -239,12 +275,14 @@ pub enum MeshNormals {
 /// Geometry in the shape's own space (metres once the transform, which includes the file's unit, is applied).
 #[derive(Clone, Debug)]
 pub enum GeometryDescription {
-    /// Triangles from a PLY file, read when the scene is built.
+    /// Triangles from a PLY, OBJ or STL file, read when the scene is built.
     MeshFile {
         /// The file, already resolved against the scene file's folder.
         path: PathBuf,
         /// Shading normals.
         normals: MeshNormals,
+        /// Whether faces have the materials of the file (an OBJ's MTL), where it has them.
+        own_materials: bool,
         /// Placement of a mesh whose size is not known beforehand; comes before the shape's transform.
         fit: Option<FitDescription>,
     },
@@ -257,6 +295,17 @@ pub enum GeometryDescription {
         /// Shading normals.
         normals: MeshNormals,
     },
+    /// Triangles that were read already.
+    Loaded {
+        /// The mesh.
+        mesh: Arc<TriangleMesh>,
+        /// Shading normals.
+        normals: MeshNormals,
+        /// What a fit made of it; comes before the shape's transform.
+        before: DAffine3,
+    },
+    /// Triangles made when the scene is built.
+    Generated(Generator),
     /// A parallelogram `corner + s edge_u + t edge_v`; normal along `edge_u x edge_v`.
     Quad {
         /// Corner at `s = t = 0`.
@@ -290,6 +339,37 @@ pub enum GeometryDescription {
         normal: DVec3,
         /// Radius.
         radius: f64,
+    },
+    /// Closed bodies combined, or one alone.
+    Csg {
+        /// The object.
+        object: Csg,
+        /// Material of each of its parts, where it differs from that of the shape.
+        materials: Vec<Option<usize>>,
+    },
+    /// A sphere flake.
+    SphereFlake {
+        /// Centre of the largest sphere.
+        center: DVec3,
+        /// Radius of the largest sphere.
+        radius: f64,
+        /// Points to its upper pole.
+        axis: DVec3,
+        /// Generations on top of the largest sphere.
+        depth: u32,
+    },
+    /// A fractal landscape.
+    Terrain {
+        /// Middle of the base.
+        center: DVec3,
+        /// Extent along x, in height, and along z.
+        size: DVec3,
+        /// Cells along each side.
+        cells: u32,
+        /// What makes the heights.
+        noise: TerrainNoise,
+        /// Two triangles for each cell, smoothly shaded, instead of the bilinear surface itself.
+        triangles: bool,
     },
 }
 

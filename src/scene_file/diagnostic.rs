@@ -75,7 +75,7 @@ pub enum SceneFileError {
     },
     /// The file is longer than any scene text should be.
     #[error(
-        "{}: {bytes} bytes of scene text, and at most {limit} are read; move meshes into PLY files \
+        "{}: {bytes} bytes of scene text, and at most {limit} are read; move meshes into files of their own, PLY, OBJ or STL \
          (`type = \"mesh\"`, `file = \"...\"`)",
         path.display()
     )]

@@ -75,6 +75,8 @@ pub struct MeshReport {
     pub unusable_normals: u64,
     /// Texture coordinates that were NaN or infinite, replaced by zero.
     pub unusable_uvs: u64,
+    /// Lines, points, curves and surfaces of an OBJ file, left out.
+    pub other_elements: u64,
     /// Bytes after the end of what the file declares, ignored.
     pub trailing_bytes: u64,
 }
@@ -88,6 +90,7 @@ impl MeshReport {
             (self.degenerate_triangles, "triangles without area dropped"),
             (self.unusable_normals, "normals that are zero, NaN or infinite replaced by those of the faces"),
             (self.unusable_uvs, "texture coordinates that are NaN or infinite replaced by zero"),
+            (self.other_elements, "lines, points, curves or surfaces left out"),
             (self.trailing_bytes, "bytes after the end of the mesh ignored"),
         ];
         counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect()

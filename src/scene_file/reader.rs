@@ -117,6 +117,9 @@ pub(super) const NUMBER: Expected = Expected { what: "a number", example: "1.5",
 /// Lengths, scales.
 pub(super) const POSITIVE: Expected =
     Expected { what: "a number above 0", example: "1.0", holds: |x| x > 0.0 };
+/// How many photons something gets, in proportion to what it would get by itself.
+pub(super) const SHARE: Expected =
+    Expected { what: "a number from 1e-6 to 1e6", example: "2.0", holds: |x| (1e-6..=1e6).contains(&x) };
 /// Radiometric quantities, absorption.
 pub(super) const NON_NEGATIVE: Expected =
     Expected { what: "a number of at least 0", example: "1.0", holds: |x| x >= 0.0 };

@@ -1,9 +1,9 @@
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, positive_radius, seen_from,
-    solid_angle_density, tangents,
+    AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    positive_radius, seen_from, solid_angle_density, tangents,
 };
-use crate::embree::{Procedural, SurfacePoint};
+use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec2, DVec3, Vec2};
 use std::f64::consts::TAU;
@@ -62,6 +62,13 @@ impl Cylinder {
         AreaSample { position, normal, pdf_area: (1.0 / self.area()) as f32 }
     }
 
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
+        let spread = TAU * half.x;
+        let across = 2.0 * self.radius * (0.5 * spread).sin();
+        Patch::around(middle, across.hypot(half.y * self.height), spread)
+    }
+
     /// A point uniform over the area, with its density per solid angle. Half of the points face away from a
     /// reference outside; an open tube may still show their inner side.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
@@ -104,6 +111,10 @@ impl Procedural for Cylinder {
         self.bounds()
     }
 
+    fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
+        nearest_by_refining(self, primitive, ray)
+    }
+
     fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
         self.hits(&self.local(ray)).find_map(|t| accept(t, ray.t_max))
     }
@@ -121,11 +132,12 @@ impl Procedural for Cylinder {
         let along = point.z.clamp(0.0, self.height);
         let normal = self.x * across.x + self.y * across.y;
         let azimuth = across.y.atan2(across.x) / TAU;
-        SurfacePoint {
-            position: self.base + along * self.axis + self.radius * normal,
-            error: error_bound(self.base, self.height + self.radius),
+        let uv = Vec2::new(azimuth.rem_euclid(1.0) as f32, (along / self.height) as f32);
+        SurfacePoint::new(
+            self.base + along * self.axis + self.radius * normal,
+            error_bound(self.base, self.height + self.radius),
             normal,
-            uv: Vec2::new(azimuth.rem_euclid(1.0) as f32, (along / self.height) as f32),
-        }
+            uv,
+        )
     }
 }

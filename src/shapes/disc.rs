@@ -1,12 +1,12 @@
 use super::roots::accept;
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, positive_radius, seen_from,
-    solid_angle_density, tangents,
+    AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    positive_radius, seen_from, solid_angle_density, tangents,
 };
-use crate::embree::{Procedural, SurfacePoint};
+use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
-use crate::sampling::warp::square_to_disc;
-use glam::{DVec3, Vec2};
+use crate::sampling::warp::{DISC_STRETCH, square_to_disc};
+use glam::{DVec2, DVec3, Vec2};
 use std::f64::consts::{PI, TAU};
 
 /// A flat disc. Surface parameters: `u` is the azimuth over `2 pi`, `v` the distance from the centre over the
@@ -57,6 +57,11 @@ impl Disc {
         AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area()) as f32 }
     }
 
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
+        Patch::around(middle, (DISC_STRETCH * half.length()).min(2.0) * self.radius, 0.0)
+    }
+
     /// A point uniform over the area, with its density per solid angle.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         seen_from(reference, self.sample_area(u), self.area())
@@ -82,6 +87,10 @@ impl Procedural for Disc {
         self.bounds()
     }
 
+    fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
+        nearest_by_refining(self, primitive, ray)
+    }
+
     fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
         accept(self.hit(ray)?, ray.t_max)
     }
@@ -96,11 +105,12 @@ impl Procedural for Disc {
         // Back onto the plane, by coordinates in it.
         let (x, y) = (offset.dot(self.x), offset.dot(self.y));
         let distance = x.hypot(y) / self.radius;
-        SurfacePoint {
-            position: self.center + x * self.x + y * self.y,
-            error: error_bound(self.center, self.radius),
-            normal: self.normal,
-            uv: Vec2::new((y.atan2(x) / TAU).rem_euclid(1.0) as f32, distance.min(1.0) as f32),
-        }
+        let uv = Vec2::new((y.atan2(x) / TAU).rem_euclid(1.0) as f32, distance.min(1.0) as f32);
+        SurfacePoint::new(
+            self.center + x * self.x + y * self.y,
+            error_bound(self.center, self.radius),
+            self.normal,
+            uv,
+        )
     }
 }

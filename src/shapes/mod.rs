@@ -1,7 +1,7 @@
 //! Exact shapes: what is never tessellated, and how emitters of every shape are sampled.
 //!
-//! [`Sphere`], [`Cylinder`] and [`Disc`] are [`crate::embree::Procedural`]: intersected in `f64` from the
-//! `f32` ray, in their own space. [`Quad`] and [`Triangle`] are intersected by Embree and only sampled here.
+//! [`Sphere`], [`Cylinder`] and [`Disc`], closed bodies and what is made of them ([`Csg`]), [`SphereFlake`] and
+//! [`Terrain`] are [`crate::embree::Procedural`]: intersected in `f64` from the `f32` ray, in their own space. [`Quad`] and [`Triangle`] are intersected by Embree and only sampled here.
 //!
 //! # Sampling
 //!
@@ -18,25 +18,38 @@
 //! side emits, and what is in between, is for the light to ask. Densities are `f32`, 1/m^2 of the shape's space
 //! and 1/sr; all else is `f64`.
 
+mod csg;
 mod cylinder;
 mod disc;
 mod emitter_shape;
+mod flake;
+mod patch;
 mod quad;
 mod roots;
+mod solid;
+mod span;
 mod sphere;
+mod terrain;
+mod torus;
 mod triangle;
 
 #[cfg(test)]
 mod tests;
 
+pub use csg::{Csg, CsgOperation};
 pub use cylinder::Cylinder;
 pub use disc::Disc;
 pub use emitter_shape::EmitterShape;
+pub use flake::SphereFlake;
+pub use patch::Patch;
 pub use quad::{Quad, SMALLEST_SPHERICAL_RECTANGLE};
+pub use solid::Solid;
 pub use sphere::Sphere;
+pub use terrain::{HeightGrid, Terrain, TerrainNoise};
 pub use triangle::Triangle;
 
-use crate::math::Bounds3;
+use crate::embree::{ObjectHit, Procedural};
+use crate::math::{Bounds3, Ray};
 use glam::{DVec3, Vec3};
 
 /// Why a shape cannot be made of its numbers.
@@ -54,6 +67,20 @@ pub enum ShapeError {
     /// Two ends, edges or corners that span no area, or a normal of length zero.
     #[error("no area: ends coincide, edges are parallel or the normal is zero")]
     NoArea,
+    /// Constructive solid geometry of more bodies than fit.
+    #[error("more than {} bodies in one object; split it into several shapes", Csg::MOST_SOLIDS)]
+    TooManySolids,
+    /// A recursion that `f32` cannot tell apart any more.
+    #[error("a depth of {0} is more than `f32` can show; at most 12")]
+    Depth(u32),
+    /// A height grid without cells, or with other heights than its cells have corners.
+    #[error("{heights} heights for {cells} by {cells} cells; there must be one for each corner, all finite")]
+    Heights {
+        /// Cells along each side.
+        cells: u32,
+        /// Heights given.
+        heights: usize,
+    },
 }
 
 /// A point drawn uniformly from the area of a shape.
@@ -126,4 +153,11 @@ fn error_bound(point: DVec3, extent: f64) -> Vec3 {
 fn grown(bounds: Bounds3) -> Bounds3 {
     let margin = ROUNDINGS * bounds.min.abs().max(bounds.max.abs()).max_element();
     Bounds3 { min: bounds.min - margin, max: bounds.max + margin }
+}
+
+/// [`Procedural::nearest`] of a shape that has its own `intersect` and `refine`.
+fn nearest_by_refining(shape: &impl Procedural, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
+    let t = shape.intersect(primitive, ray)?;
+    let point = shape.refine(primitive, ray, t);
+    Some(ObjectHit { t: f64::from(t), normal: point.normal, error: f64::from(point.error.max_element()) })
 }

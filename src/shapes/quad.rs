@@ -1,4 +1,4 @@
-use super::{AreaSample, ShapeError, SolidAngleSample, finite, seen_from, solid_angle_density};
+use super::{AreaSample, Patch, ShapeError, SolidAngleSample, finite, seen_from, solid_angle_density};
 use crate::math::{Bounds3, unit_f64};
 use glam::{DVec2, DVec3, Vec2};
 
@@ -39,6 +39,11 @@ impl Quad {
         self.area
     }
 
+    /// True where the corners are right angles, so that directions to it are drawn by solid angle.
+    pub fn is_rectangle(&self) -> bool {
+        self.is_rectangle
+    }
+
     /// Unit normal.
     pub fn normal(&self) -> DVec3 {
         self.normal
@@ -55,6 +60,12 @@ impl Quad {
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let position = self.corner + f64::from(u.x) * self.edge_u + f64::from(u.y) * self.edge_v;
         AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area) as f32 }
+    }
+
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
+        let (s, t) = (half.x * self.edge_u, half.y * self.edge_v);
+        Patch::around(middle, (s + t).length().max((s - t).length()), 0.0)
     }
 
     /// A point uniform over the solid angle that a rectangle covers, by the map of Ureña, Fajardo & King

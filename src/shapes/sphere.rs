@@ -1,12 +1,12 @@
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
-    AreaSample, ShapeError, SolidAngleSample, error_bound, finite, grown, positive_radius, seen_from,
-    solid_angle_density, tangents,
+    AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
+    positive_radius, tangents,
 };
-use crate::embree::{Procedural, SurfacePoint};
+use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec3, Vec2};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// A sphere; normal outward. Surface parameters: `u` is the azimuth around the y axis over `2 pi`, from +x
 /// counter-clockwise as seen from above; `v` the angle from +y over `pi`.
@@ -44,12 +44,21 @@ impl Sphere {
 
     /// A point uniform over the area.
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
-        let drop = 2.0 * f64::from(u.x);
-        let sin = (drop * (2.0 - drop)).sqrt();
-        let (s, c) = (TAU * f64::from(u.y)).sin_cos();
-        let normal = DVec3::new(sin * c, sin * s, 1.0 - drop);
+        let normal = unit_sphere(u);
         let pdf_area = (1.0 / self.area()) as f32;
         AreaSample { position: self.center + self.radius * normal, normal, pdf_area }
+    }
+
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, low: Vec2, high: Vec2) -> Patch {
+        let middle = self.sample_area(0.5 * (low + high));
+        let wide = PI * f64::from(high.y - low.y) > FRAC_PI_2;
+        // On a rectangle of latitudes and longitudes the farthest point from the middle is a corner, up to a quarter
+        // turn to both sides: the cosine of the angle is then, in latitude, a hump.
+        let corners = [low, high, Vec2::new(low.x, high.y), Vec2::new(high.x, low.y)];
+        let angle = |u: Vec2| self.sample_area(u).normal.angle_between(middle.normal);
+        let spread = if wide { PI } else { corners.into_iter().map(angle).fold(0.0, f64::max) + 1e-7 };
+        Patch::around(&middle, 2.0 * self.radius * (0.5 * spread).sin(), spread)
     }
 
     /// `1 - cos` of the half angle of the cone in which `reference` sees the sphere; `None` from inside.
@@ -61,11 +70,38 @@ impl Sphere {
         (distance > self.radius).then(|| sin * sin / (1.0 + cos))
     }
 
-    /// A point of the visible cap, uniform over the solid angle that the sphere covers; from inside or on the
-    /// surface, uniform over the area. Stable for spheres that cover 1e-30 sr and for references that touch.
+    /// True where `reference` is inside, or no farther outside than `slack`: for points on the sphere that were rounded.
+    pub fn encloses(&self, reference: DVec3, slack: f64) -> bool {
+        (reference - self.center).length() <= self.radius + slack
+    }
+
+    /// Where a direction that is uniform over all directions leaves the sphere; its density is [`Self::PDF_INSIDE`]. For a
+    /// `reference` inside, and one that rounding put just outside; from there most directions away from the sphere give
+    /// `None`.
+    pub fn sample_inside(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
+        let (offset, direction) = (reference - self.center, unit_sphere(u));
+        let distance = offset.length();
+        let along = offset.dot(direction);
+        let gap = (self.radius - distance) * (self.radius + distance);
+        let root = (along * along + gap).sqrt();
+        // The larger root; as a quotient where the difference would cancel. NaN where the sphere is missed.
+        let t = if along > 0.0 { gap / (along + root) } else { root - along };
+        if !(t > 0.0) {
+            return None;
+        }
+        let normal = unit_f64(offset + t * direction)?;
+        let position = self.center + self.radius * normal;
+        Some(SolidAngleSample { position, normal, pdf_solid_angle: Self::PDF_INSIDE })
+    }
+
+    /// Density per solid angle of [`Self::sample_inside`].
+    pub const PDF_INSIDE: f32 = (0.25 / PI) as f32;
+
+    /// A point of the visible cap, uniform over the solid angle that the sphere covers, which from inside or on the surface
+    /// is everything. Stable for spheres that cover 1e-30 sr and for references that touch.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         let Some(one_minus_cos) = self.cone(reference) else {
-            return seen_from(reference, self.sample_area(u), self.area());
+            return self.sample_inside(reference, u);
         };
         let away = reference - self.center;
         let distance = away.length();
@@ -90,14 +126,20 @@ impl Sphere {
     /// Density per solid angle of [`Self::sample_solid_angle`] at the point `position` of the surface.
     pub fn pdf_solid_angle(&self, reference: DVec3, position: DVec3) -> f32 {
         match self.cone(reference) {
-            Some(one_minus_cos) => cone_density(one_minus_cos),
-            None => {
-                let normal = (position - self.center) / self.radius;
-                solid_angle_density(1.0 / self.area(), reference, position, normal)
-            }
+            Some(one_minus_cos) => cone_density(one_minus_cos).unwrap_or(0.0),
+            // No direction leads from a point to itself.
+            None if position == reference => 0.0,
+            None => Self::PDF_INSIDE,
         }
-        .unwrap_or(0.0)
     }
+}
+
+/// A direction uniform over the sphere.
+fn unit_sphere(u: Vec2) -> DVec3 {
+    let drop = 2.0 * f64::from(u.x);
+    let sin = (drop * (2.0 - drop)).sqrt();
+    let (s, c) = (TAU * f64::from(u.y)).sin_cos();
+    DVec3::new(sin * c, sin * s, 1.0 - drop)
 }
 
 /// Density of the uniform distribution over a cone; `None` where `f32` cannot hold it.
@@ -109,6 +151,10 @@ fn cone_density(one_minus_cos: f64) -> Option<f32> {
 impl Procedural for Sphere {
     fn bounds(&self, _primitive: u32) -> Bounds3 {
         self.bounds()
+    }
+
+    fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
+        nearest_by_refining(self, primitive, ray)
     }
 
     fn intersect(&self, _primitive: u32, ray: &Ray) -> Option<f32> {
@@ -132,11 +178,12 @@ impl Procedural for Sphere {
         let normal = unit_f64(offset + t * direction).unwrap_or(DVec3::Y);
         let azimuth = (-normal.z).atan2(normal.x) / TAU;
         let polar = normal.x.hypot(normal.z).atan2(normal.y) / PI;
-        SurfacePoint {
-            position: self.center + self.radius * normal,
-            error: error_bound(self.center, self.radius),
+        let uv = Vec2::new(azimuth.rem_euclid(1.0) as f32, polar as f32);
+        SurfacePoint::new(
+            self.center + self.radius * normal,
+            error_bound(self.center, self.radius),
             normal,
-            uv: Vec2::new(azimuth.rem_euclid(1.0) as f32, polar as f32),
-        }
+            uv,
+        )
     }
 }

@@ -1,7 +1,7 @@
-use super::{AreaSample, ShapeError, SolidAngleSample, finite, seen_from, solid_angle_density};
+use super::{AreaSample, Patch, ShapeError, SolidAngleSample, finite, seen_from, solid_angle_density};
 use crate::math::{Bounds3, unit_f64};
 use crate::sampling::warp::square_to_triangle;
-use glam::{DVec3, Vec2};
+use glam::{DVec2, DVec3, Vec2};
 
 /// One triangle of an emitting mesh: sampled here, intersected by Embree.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +44,14 @@ impl Triangle {
         let barycentric = square_to_triangle(u).as_dvec2();
         let position = self.corner + barycentric.x * self.edge_b + barycentric.y * self.edge_c;
         AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area) as f32 }
+    }
+
+    /// See [`super::EmitterShape::patch`].
+    pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
+        // The map from the square is linear on both sides of its diagonal; the larger slope of the two.
+        let (b, c) = (self.edge_b.length(), self.edge_c.length());
+        let across = 0.5 * (self.edge_b - self.edge_c).length();
+        Patch::around(middle, half.x * across.max(b) + half.y * across.max(c), 0.0)
     }
 
     /// A point uniform over the area, with its density per solid angle.

@@ -2,7 +2,7 @@
 
 use crate::support::*;
 use cardioid::film::PixelRect;
-use cardioid::render::{MapKind, Overrides};
+use cardioid::render::{GuideKind, MapKind, Overrides};
 
 /// Everything the film holds, as bits.
 fn bits(shot: &Shot) -> Vec<(&'static str, Vec<u32>)> {
@@ -23,17 +23,30 @@ fn assert_same_bits(what: &str, a: &Shot, b: &Shot) {
 }
 
 /// Every integrator, with settings that are quick and leave nothing out.
-fn integrators() -> [(&'static str, Overrides); 5] {
+fn integrators() -> [(&'static str, Overrides); 7] {
     let maps = Overrides {
         spp: Some(3),
         global_photons: Some(20_000),
         caustic_photons: Some(20_000),
+        irradiance_cache: Some(true),
+        cache_samples: Some(64),
         ..photon_map()
     };
+    let gathered = Overrides { irradiance_cache: Some(false), ..maps.clone() };
     [
         ("path", Overrides { spp: Some(5), ..path() }),
+        (
+            "guided path",
+            Overrides {
+                spp: Some(5),
+                guide: Some(GuideKind::Photons),
+                global_photons: Some(20_000),
+                ..path()
+            },
+        ),
+        ("guided photon map", Overrides { guide: Some(GuideKind::Photons), ..maps.clone() }),
         ("photon map", maps.clone()),
-        ("photon map, full estimates", Overrides { precomputed_irradiance: Some(false), ..maps.clone() }),
+        ("photon map, full estimates", Overrides { precomputed_irradiance: Some(false), ..gathered }),
         ("global photons", Overrides { spp: Some(2), global_photons: Some(20_000), ..show(MapKind::Global) }),
         (
             "caustic photons",

@@ -186,6 +186,92 @@ fn disc_and_sphere() {
     assert_irradiance("sphere aslant", &emitter(sphere, ""), of_radiance(PI * 0.04 * 0.8), 0.003);
 }
 
+/// Inside of a sphere that emits inward, also of one that reflects: `pi L` at any place, and little noise. Drawn uniformly
+/// over its area, a place near the wall got samples of any size.
+#[test]
+fn domes() {
+    let settings =
+        Overrides { spp: Some(4), gather_samples: Some(16), global_photons: Some(1000), ..photon_map() };
+    for (center, extra) in
+        [("[0, 0, 0]", ""), ("[2.95, 1.95, -1.9]", ""), ("[0, 0, 0]", ", two-sided = true")]
+    {
+        let sphere = format!(
+            "type = \"sphere\"\ncenter = {center}\nradius = 4.05{}",
+            if extra.is_empty() { "\nflip-normal = true" } else { "" }
+        );
+        let light = emitter(&sphere, extra);
+        assert_irradiance(&format!("dome around {center}{extra}"), &light, of_radiance(PI), 0.002);
+        let shot = floor(&light).shoot(&settings);
+        let noise = shot.standard_error("direct")[0] / shot.mean("direct")[0] * 16.0;
+        println!("dome around {center}{extra}: noise {noise}");
+        assert!(noise < 0.05, "dome around {center}{extra}: noise {noise}");
+    }
+    // Seen from outside it is a lamp like any other.
+    let lamp = emitter("type = \"sphere\"\ncenter = [0, 1, 0]\nradius = 0.5", ", two-sided = true");
+    assert_irradiance("two-sided sphere from outside", &lamp, of_radiance(PI * 0.25), 0.003);
+}
+
+/// The wall of a dome that reflects half: each bounce brings half of the one before, to the same radiance everywhere.
+#[test]
+fn the_wall_of_a_dome() {
+    for (extra, flip) in [("", true), (", two-sided = true", false)] {
+        for center in ["[0, 0, 0]", "[0.3, 0.7, 0.1]"] {
+            let text = format!(
+                r#"
+                [camera]
+                eye = [0.2, 0.6, 0.0]
+                at = [0.5, 0.0, 0.3]
+                fov = 60
+
+                [materials.paint]
+                type = "lambert"
+                reflectance = 0.5
+
+                [[shapes]]
+                type = "sphere"
+                center = {center}
+                radius = 1.0
+                flip-normal = {flip}
+                material = "paint"
+                emission = {{ radiance = 1.0{extra} }}
+                "#
+            );
+            let stage = Stage::new(&text, (16, 16));
+            for (name, settings) in [
+                ("path", Overrides { spp: Some(64), ..path() }),
+                ("photon map", Overrides { spp: Some(16), global_photons: Some(1000), ..photon_map() }),
+            ] {
+                let shot = stage.shoot(&settings);
+                let what = format!("{name}, {center}{extra}");
+                assert_close(&what, shot.mean("direct"), [0.5; 3], 0.004);
+            }
+        }
+    }
+}
+
+/// Right below a parallelogram that stands aslant on the floor. Drawn by area, samples near its foot have any size.
+#[test]
+fn the_foot_of_a_slanted_parallelogram() {
+    let corners = [[-0.6, 0.002, -0.02], [0.9, 0.002, -0.02], [1.7, 1.002, -0.02], [0.2, 1.002, -0.02]];
+    // Lambert's formula for a polygon: half the sum over the edges of the angle between its ends as seen from the place
+    // times the upward part of the unit normal of that plane.
+    let factor: f64 = (0..4)
+        .map(|i| {
+            let [a, b] = [corners[i], corners[(i + 1) % 4]].map(glam::DVec3::from_array);
+            0.5 * a.angle_between(b) * a.cross(b).normalize().y
+        })
+        .sum();
+    let quad = "type = \"quad\"\ncorner = [-0.6, 0.002, -0.02]\nedge-u = [1.5, 0, 0]\nedge-v = [0.8, 1, 0]";
+    let light = emitter(quad, "");
+    assert_irradiance("slanted parallelogram", &light, of_radiance(factor.abs()), 0.003);
+    let settings =
+        Overrides { spp: Some(4), gather_samples: Some(16), global_photons: Some(1000), ..photon_map() };
+    let shot = floor(&light).shoot(&settings);
+    let noise = shot.standard_error("direct")[0] / shot.mean("direct")[0] * 16.0;
+    println!("slanted parallelogram: noise {noise}");
+    assert!(noise < 0.15, "noise {noise}");
+}
+
 /// A cylinder over an element parallel to its axis: `r / d` where it is long.
 #[test]
 fn long_cylinder() {

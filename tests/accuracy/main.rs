@@ -5,12 +5,19 @@
 //! other seeds pass as well, and each says where it comes from.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod cache;
+mod crossings;
 mod determinism;
 mod direct;
 mod enclosures;
+mod estimators;
 mod extremes;
+mod glossy;
+mod guide;
 mod photon_pass;
 mod pictures;
+mod projection;
 mod refraction;
 mod robust_rays;
+mod shadow_photons;
 mod support;

@@ -95,7 +95,7 @@ struct Run {
 
 fn trace(stage: &Stage, kind: MapKind, stored: u64, seed: u64) -> Run {
     // Reached with probability 1e-13 where all reflects 99.9 %.
-    let settings = TraceSettings { kind, stored, seed, max_depth: 30_000 };
+    let settings = TraceSettings { kind, stored, seed, max_depth: 30_000, aimed: true };
     let traced = trace_photons(stage.scene(), &settings, &|_, _| true).unwrap();
     for tally in &traced.tallies {
         assert_balance(tally);
@@ -256,11 +256,13 @@ fn light_from_outside() {
         }
         let run = trace(&stage, MapKind::Global, 8_000, 3);
         let of_light = stage.scene().lights()[0].flux(stage.scene().bounds().1);
+        // Parallel light sends fewer photons of more power where there is nothing, so their sum is an estimate.
+        let tolerance = if name == "directional" { 1e-3 } else { 1e-5 };
         assert_close(
             &format!("{name}: emitted"),
             run.emitted,
             of_light.to_array().map(|f| stage.watts(f)),
-            1e-5,
+            tolerance,
         );
     }
 }
@@ -371,7 +373,8 @@ fn many_lights_share_the_photons() {
         format!("[[lights]]\ntype = \"point\"\nposition = [{x}, 0.5, 0.0]\npower = {}\n", 1.0 + i as f64)
     };
     let stage = room("0.5", &(0..17).map(light).collect::<String>());
-    let settings = TraceSettings { kind: MapKind::Global, stored: 100_000, seed: 1, max_depth: 10_000 };
+    let settings =
+        TraceSettings { kind: MapKind::Global, stored: 100_000, seed: 1, max_depth: 10_000, aimed: true };
     let traced = trace_photons(stage.scene(), &settings, &|_, _| true).unwrap();
     let count = traced.emitted as f64;
     for (i, tally) in traced.tallies.iter().enumerate() {

@@ -7,7 +7,7 @@ use cardioid::render::{Overrides, Quality};
 use std::path::Path;
 
 /// The reference picture in its two halves.
-fn reference(scene: &str) -> Reference {
+pub(crate) fn reference(scene: &str) -> Reference {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference").join(scene);
     let [first, second] = ["reference-1.exr", "reference-2.exr"].map(|name| {
         let image = image_io::read(folder.join(name)).unwrap();
@@ -145,7 +145,12 @@ fn parts(stage: &Stage, settings: &Overrides, runs: u64) -> Vec<(&'static str, f
 /// Each of the five parts of the picture has the same mean in both modes, within 1 % and what noise explains of the
 /// rest; `certain` is the noise above which that would say nothing.
 #[track_caller]
-fn assert_same_parts(what: &str, stage: &Stage, (path, maps): (&Overrides, &Overrides), certain: f64) {
+pub(crate) fn assert_same_parts(
+    what: &str,
+    stage: &Stage,
+    (path, maps): (&Overrides, &Overrides),
+    certain: f64,
+) {
     let runs = 4;
     let mut off_parts = Vec::new();
     for ((part, a, a_error), (_, b, b_error)) in

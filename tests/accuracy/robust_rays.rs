@@ -403,3 +403,32 @@ fn degenerate_and_nan_faces() {
         assert_eq!(shot.statistics.rejected_samples, 0);
     }
 }
+
+/// The short cut that photons take at flat Lambert triangles gives the same bits as the way of all other rays.
+#[test]
+fn the_short_cut_of_photons_agrees_to_the_bit() {
+    let stage = Stage::load("cornell-diffuse", (8, 8));
+    let scene = stage.scene();
+    let (center, radius) = scene.bounds();
+    let mut taken = 0;
+    for index in 0..20_000 {
+        let mut rng = random(index);
+        let ray = Ray::new(center + radius * point(&mut rng).as_vec3(), direction(&mut rng));
+        let Some(hit) = scene.embree().intersect(&ray) else { continue };
+        let Some(short) = scene.diffuse_hit(&ray, &hit) else { continue };
+        let long = scene.interaction(&ray, &hit);
+        let bits = |v: Vec3| v.to_array().map(f32::to_bits);
+        assert_eq!(bits(short.position()), bits(long.point.position), "{ray:?}");
+        assert_eq!(bits(short.facing_normal()), bits(long.facing_normal()), "{ray:?}");
+        let out = direction(&mut rng);
+        let out = if out.dot(short.facing_normal()) < 0.0 { -out } else { out };
+        let (a, b) = (short.spawn(out), long.spawn(out));
+        assert_eq!((bits(a.origin), bits(a.direction)), (bits(b.origin), bits(b.direction)), "{ray:?}");
+        let cardioid::scene::Material::Lambert { reflectance, .. } = scene.material(&long) else {
+            panic!("the short cut took {:?}", scene.material(&long));
+        };
+        assert_eq!(short.reflectance, *reflectance);
+        taken += 1;
+    }
+    assert!(taken > 5000, "{taken}");
+}

@@ -10,9 +10,14 @@ use cardioid::scene_file::{BuiltScene, SceneDescription, build_scene, load_scene
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
-/// Photon maps and final gathering.
+/// Photon maps and final gathering at every camera sample, so that pixels are independent estimates. The irradiance cache has
+/// tests of its own.
 pub(crate) fn photon_map() -> Overrides {
-    Overrides { integrator: Some(IntegratorKind::PhotonMap), ..Overrides::default() }
+    Overrides {
+        integrator: Some(IntegratorKind::PhotonMap),
+        irradiance_cache: Some(false),
+        ..Overrides::default()
+    }
 }
 
 /// Path tracing.

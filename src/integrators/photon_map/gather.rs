@@ -1,49 +1,96 @@
 //! The fourth integral by final gathering: rays that read what the photons brought to where they land.
 
-use super::lookup::reflected;
+use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
-use crate::bsdf::{Bsdf, TransportMode};
-use crate::integrators::Scratch;
+use crate::bsdf::TransportMode;
 use crate::integrators::direct::power_heuristic;
 use crate::integrators::specular::chain_roulette;
+use crate::integrators::{Directions, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::sampling::SampleStream;
+use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
 use std::f32::consts::FRAC_1_PI;
 
+/// Diffuse reflections after the first one for which surfaces close by are still computed accurately.
+const CLOSE_RECURSIONS: u32 = 2;
+
+/// Diffuse reflections after the first one for which too few photons are still replaced by sampling.
+const POOR_RECURSIONS: u32 = 8;
+
+/// An estimate that rests on fewer photons than this is poor.
+const POOR_PHOTONS: u32 = 8;
+
+/// Where no irradiance was precomputed within this share of the largest radius, an estimate would about reach that radius:
+/// one of the points stands for several photons, so some twenty are expected within the radius of an estimate.
+const POOR_REACH: f32 = 0.25;
+
 /// What a gather ray brought.
-#[derive(Clone, Copy, Debug, Default)]
-struct Gathered {
-    indirect: Rgb,
-    direct: Rgb,
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Gathered {
+    pub(super) indirect: Rgb,
+    pub(super) direct: Rgb,
+    /// Distance of the first surface; infinite where there is none.
+    pub(super) nearest: f32,
+    /// Length of the whole way.
+    pub(super) distance: f32,
+}
+
+/// What a gather ray starts with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Start {
+    pub(super) ray: Ray,
+    pub(super) medium: MediumId,
+    /// Density of the direction, where light of emitters that the ray hits is wanted as well.
+    pub(super) direct_pdf: Option<f32>,
+    /// Whether light reflected by what the ray hits is wanted.
+    pub(super) indirect: bool,
+    /// Diffuse reflections before the one at which the ray starts.
+    pub(super) recursion: u32,
+    /// What the light is multiplied by on its way to the eye, brightest channel.
+    pub(super) weight: f32,
 }
 
 impl PhotonMapIntegrator<'_> {
-    /// Fourth integral: light that was reflected diffusely before, gathered by rays that read the global map.
+    /// Fourth integral: light that was reflected diffusely before, interpolated in the irradiance cache or gathered by rays
+    /// that read the global map. And the light of emitters that those rays hit, which belongs to the first integral.
     pub(super) fn indirect(
         &self,
         vertex: &Vertex<'_>,
+        directions: &Directions<'_>,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> (Rgb, Rgb) {
-        let (mut indirect, mut direct) = (Rgb::ZERO, Rgb::ZERO);
         if self.maps.global.is_none() && !self.bsdf_sampling {
-            return (indirect, direct);
+            return (Rgb::ZERO, Rgb::ZERO);
         }
         let count = ((self.settings.gather_samples as f32 * vertex.share).ceil() as u32).max(1);
+        // Taken also where they are not needed, so that the cache changes no other number of the sample.
         let splits = samples.splits(self.settings.gather_samples);
-        for i in 0..count {
-            let [x, y, u_lobe, u_path] = splits.get_4d(i);
-            let Some(sample) = vertex.shading.bsdf.sample(
-                vertex.shading.wo_local,
-                u_lobe,
-                glam::Vec2::new(x, y),
-                TransportMode::Radiance,
-            ) else {
-                continue;
-            };
+        let cached = self.cached(vertex, scratch);
+        if let (Some(indirect), false) = (cached, self.bsdf_sampling) {
+            return (indirect, Rgb::ZERO);
+        }
+        let points = (0..count).map(|i| splits.get_4d(i));
+        let (indirect, direct) = self.gather_from(vertex, directions, points, (cached.is_none(), 0), scratch);
+        (cached.unwrap_or(indirect), direct)
+    }
+
+    /// Mean over gather rays drawn by these random numbers: reflected light that arrives (where it is wanted), and light of
+    /// emitters.
+    fn gather_from(
+        &self,
+        vertex: &Vertex<'_>,
+        directions: &Directions<'_>,
+        points: impl ExactSizeIterator<Item = [f32; 4]>,
+        (wanted, recursion): (bool, u32),
+        scratch: &mut Scratch,
+    ) -> (Rgb, Rgb) {
+        let (mut indirect, mut direct) = (Rgb::ZERO, Rgb::ZERO);
+        let count = points.len();
+        for [x, y, u_lobe, u_path] in points {
+            let Some(sample) = directions.sample_diffuse(u_lobe, glam::Vec2::new(x, y)) else { continue };
             let direction = vertex.shading.frame.to_world(sample.wi);
             let Some(medium) = self.scene.medium_after(
                 vertex.medium,
@@ -54,9 +101,15 @@ impl PhotonMapIntegrator<'_> {
             ) else {
                 continue;
             };
-            scratch.counters.gather_rays += 1;
-            let ray = vertex.hit.spawn(direction);
-            let found = self.gather(vertex, ray, medium, sample.pdf_solid_angle, u_path, scratch);
+            let start = Start {
+                ray: vertex.hit.spawn(direction),
+                medium,
+                direct_pdf: self.bsdf_sampling.then_some(sample.pdf_solid_angle),
+                indirect: wanted,
+                recursion,
+                weight: vertex.weight * sample.throughput.max_element(),
+            };
+            let found = self.gather(vertex, &start, u_path, scratch);
             indirect += sample.throughput * found.indirect;
             direct += sample.throughput * found.direct;
         }
@@ -64,33 +117,66 @@ impl PhotonMapIntegrator<'_> {
     }
 
     /// Radiance that arrives along a gather ray.
-    fn gather(
+    pub(super) fn gather(
         &self,
         vertex: &Vertex<'_>,
-        mut ray: Ray,
-        mut medium: MediumId,
-        pdf: f32,
+        start: &Start,
         mut u: f32,
         scratch: &mut Scratch,
     ) -> Gathered {
+        let Start { mut ray, mut medium, direct_pdf, .. } = *start;
         let mut throughput = Rgb::ONE;
-        let mut found = Gathered::default();
+        let mut found =
+            Gathered { indirect: Rgb::ZERO, direct: Rgb::ZERO, nearest: f32::INFINITY, distance: 0.0 };
+        scratch.counters.gather_rays += 1;
+        let own = u;
         for depth in 0..self.settings.max_depth {
             scratch.counters.depth_sum += 1;
             let Some(hit) = self.scene.intersect(&ray) else {
-                if depth == 0 && self.bsdf_sampling {
+                if let (0, Some(pdf)) = (depth, direct_pdf) {
                     found.direct = self.environment_by_bsdf(pdf);
                 }
+                found.distance = f32::INFINITY;
                 return found;
             };
             throughput *= self.transmittance(medium, hit.distance);
-            if depth == 0 && self.bsdf_sampling {
-                found.direct = throughput * self.emitted_by_bsdf(vertex, &hit, pdf);
+            found.distance += hit.distance;
+            if depth == 0 {
+                found.nearest = hit.distance;
+                if let Some(pdf) = direct_pdf {
+                    found.direct = throughput * self.emitted_by_bsdf(vertex, &hit, pdf);
+                }
+                if !start.indirect {
+                    return found;
+                }
             }
             let shading = hit.shading(self.scene.material(&hit));
             if !shading.bsdf.is_delta() {
-                found.indirect = throughput * self.approximate(&hit, &shading, scratch);
-                return found;
+                let segments = vertex.depth + depth + 1;
+                scratch.counters.gather_paths += 1;
+                scratch.counters.gather_path_segments += u64::from(segments);
+                let landing = Vertex {
+                    hit: &hit,
+                    shading: &shading,
+                    medium,
+                    share: 0.0,
+                    weight: start.weight * throughput.max_element(),
+                    depth: segments,
+                    travelled: vertex.travelled + found.distance,
+                };
+                found.indirect +=
+                    throughput * self.leaving(&landing, hit.distance, start.recursion, u, scratch);
+                if !(shading.bsdf.has_glossy() || shading.bsdf.has_specular()) {
+                    return found;
+                }
+                let numbers = std::array::from_fn(|i| refreshed(own, 4 * depth + i as u32));
+                let Some(next) = self.continue_gathering(medium, &hit, &shading, numbers) else {
+                    return found;
+                };
+                scratch.counters.approximate_rays += 1;
+                throughput *= next.throughput;
+                (medium, ray) = (next.medium, next.ray);
+                continue;
             }
             // A specular surface on the way: one of its directions, drawn by the Fresnel term. One number serves the
             // whole chain: what a decision leaves of it is uniform again.
@@ -111,31 +197,90 @@ impl PhotonMapIntegrator<'_> {
             };
             medium = next;
             throughput *= sample.throughput;
+            scratch.counters.approximate_rays += 1;
             ray = hit.spawn(direction);
         }
         scratch.counters.truncated += 1;
         found
     }
 
-    /// Radiance of a diffuse surface read from the global map.
-    fn approximate(&self, hit: &SurfaceInteraction, shading: &Shading, scratch: &mut Scratch) -> Rgb {
-        let Some(map) = &self.maps.global else { return Rgb::ZERO };
-        if !shading.bsdf.has_diffuse() {
+    /// Radiance that leaves a surface on which a gather ray ends (Jensen 1996, sections 4 to 4.4): from the global map,
+    /// unless the surface is so close that the blur of the map would show (corners), or photons are too few.
+    /// That is its diffuse lobe; highly glossy ones are sampled even here, see [`Self::continue_gathering`].
+    fn leaving(
+        &self,
+        landing: &Vertex<'_>,
+        distance: f32,
+        recursion: u32,
+        u: f32,
+        scratch: &mut Scratch,
+    ) -> Rgb {
+        if !landing.shading.bsdf.has_diffuse() || !self.has_photons() {
             return Rgb::ZERO;
         }
+        let matters = landing.weight >= self.settings.approximate_weight;
+        if distance < self.settings.accurate_distance && recursion < CLOSE_RECURSIONS && matters {
+            scratch.counters.accurate_close += 1;
+            return self.accurate(landing, recursion, u, scratch);
+        }
+        if let Some(radiance) = self.approximate(landing.hit, landing.shading, scratch) {
+            scratch.counters.approximate_diffuse += 1;
+            return radiance;
+        }
+        scratch.counters.empty_lookups += 1;
+        if recursion < POOR_RECURSIONS {
+            scratch.counters.accurate_poor += 1;
+            return self.accurate(landing, recursion, u, scratch);
+        }
+        scratch.counters.approximate_poor += 1;
+        self.poor_estimate(landing.hit, landing.shading, scratch)
+    }
+
+    /// Whether there is indirect light. An empty map is warned about, and not made up for.
+    pub(super) fn has_photons(&self) -> bool {
+        self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
+    }
+
+    /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling.
+    fn accurate(&self, at: &Vertex<'_>, recursion: u32, u: f32, scratch: &mut Scratch) -> Rgb {
+        let p = at.hit.point.position;
+        let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
+        let key = mix(mix(bits(p.x, p.y)) ^ bits(p.z, u));
+        let mut samples = SampleStream::new(key, u64::from(recursion), 0);
+        let directions = self.directions(at, scratch);
+        let direct = self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch);
+        let caustics = self.caustics(at, scratch);
+        let point = [samples.splits(1).get_4d(0)].into_iter();
+        let (indirect, by_bsdf) = self.gather_from(at, &directions, point, (true, recursion + 1), scratch);
+        direct.diffuse + by_bsdf + caustics + indirect
+    }
+
+    /// Radiance of a diffuse surface read from the global map; `None` where that rests on too few photons.
+    pub(super) fn approximate(
+        &self,
+        hit: &SurfaceInteraction,
+        shading: &Shading,
+        scratch: &mut Scratch,
+    ) -> Option<Rgb> {
+        let map = self.maps.global.as_ref().filter(|map| !map.is_empty())?;
         scratch.counters.global_lookups += 1;
-        if let (Some(irradiance), Bsdf::Lambert(lambert)) = (&self.maps.irradiance, shading.bsdf) {
-            let found = irradiance.nearest(hit.point.position, hit.facing_normal(), self.settings.max_radius);
-            return match found {
-                Some(irradiance) => lambert.reflectance * irradiance * FRAC_1_PI,
-                None => {
-                    scratch.counters.empty_lookups += 1;
-                    Rgb::ZERO
-                }
-            };
+        let largest = self.settings.max_radius;
+        if let (Some(irradiance), Some(lambert)) = (&self.maps.irradiance, shading.bsdf.lambertian()) {
+            let found = irradiance.nearest(hit.point.position, hit.facing_normal(), POOR_REACH * largest)?;
+            return Some(lambert.reflectance * found * FRAC_1_PI);
         }
         let query = self.settings.global_query(hit.point.position, hit.facing_normal());
-        reflected(self.scene, &self.settings, (map, &query, &self.settings.global), shading, scratch)
+        let what = (map, &query, &self.settings.global);
+        let estimate = reflected_estimate(self.scene, &self.settings, what, shading, scratch);
+        (estimate.radius < largest && estimate.photons >= POOR_PHOTONS).then_some(estimate.value)
+    }
+
+    /// What the map says, however few photons that rests on.
+    fn poor_estimate(&self, hit: &SurfaceInteraction, shading: &Shading, scratch: &mut Scratch) -> Rgb {
+        let Some(map) = &self.maps.global else { return Rgb::ZERO };
+        let query = self.settings.global_query(hit.point.position, hit.facing_normal());
+        let what = (map, &query, &self.settings.global);
+        reflected_estimate(self.scene, &self.settings, what, shading, scratch).value
     }
 
     /// Light of an emitter that a gather ray hit by chance, weighted against light sampling.
@@ -156,7 +301,7 @@ impl PhotonMapIntegrator<'_> {
     }
 }
 
-/// Another number for a deep surface of a chain whose own number is used up: a hash of it, the same in every run.
+/// Another number for a surface of a chain whose own number is used up: a hash of it, the same in every run.
 fn refreshed(u: f32, depth: u32) -> f32 {
-    (crate::sampling::mix(u64::from(u.to_bits()) << 32 | u64::from(depth)) >> 40) as f32 / 16_777_216.0
+    (mix(u64::from(u.to_bits()) << 32 | u64::from(depth)) >> 40) as f32 / 16_777_216.0
 }

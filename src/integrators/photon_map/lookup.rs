@@ -1,41 +1,68 @@
 //! Reading the maps at a surface.
 
 use super::PhotonMapSettings;
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::Scratch;
 use crate::math::Rgb;
-use crate::photons::{EstimateParams, FEELERS, KernelDomain, PhotonMap, Query};
+use crate::photons::{Estimate, EstimateParams, KernelDomain, PhotonMap, Query};
 use crate::scene::{Scene, Shading};
 use glam::Vec3;
+use std::cell::Cell;
 use std::f32::consts::FRAC_1_PI;
 
-/// Radiance that a surface reflects of the photons in a map.
+/// Radiance that the diffuse lobe of a surface reflects of the photons in a map.
 pub(super) fn reflected(
+    scene: &Scene,
+    reading: &PhotonMapSettings,
+    what: (&PhotonMap, &Query, &EstimateParams),
+    shading: &Shading,
+    scratch: &mut Scratch,
+) -> Rgb {
+    reflected_estimate(scene, reading, what, shading, scratch).value
+}
+
+/// The same radiance, with the count of photons it rests on and their radius.
+pub(super) fn reflected_estimate(
     scene: &Scene,
     reading: &PhotonMapSettings,
     (map, query, params): (&PhotonMap, &Query, &EstimateParams),
     shading: &Shading,
     scratch: &mut Scratch,
-) -> Rgb {
+) -> Estimate {
     let Scratch { photons, counters, .. } = scratch;
     let domain = |radius| {
         if !reading.visible_kernel {
             return None;
         }
-        counters.feelers += FEELERS as u64;
-        visible_domain(scene, query.position, query.normal, radius)
+        let Query { position, normal, .. } = *query;
+        let felt = Cell::new(0);
+        let domain = KernelDomain::feel(normal, radius, |tangent, length| {
+            felt.set(felt.get() + 1);
+            scene.surface_reach(position, normal, tangent, length)
+        });
+        counters.feelers += felt.get();
+        domain
     };
+    let visited = photons.visited();
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
-    if let Bsdf::Lambert(lambert) = shading.bsdf {
-        let irradiance = map.estimate_irradiance_visible(query, params, photons, domain).value;
-        return lambert.reflectance * irradiance * FRAC_1_PI;
-    }
-    let wo = shading.wo_local;
-    let f = |wi: Vec3| shading.bsdf.eval(wo, shading.frame.to_local(wi));
-    map.estimate_radiance_visible(query, params, photons, domain, f).value
+    let estimate = if let Some(lambert) = shading.bsdf.lambertian() {
+        let estimate = map.estimate_irradiance_visible(query, params, photons, domain);
+        Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate }
+    } else {
+        let wo = shading.wo_local;
+        let f = |wi: Vec3| {
+            shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance)
+        };
+        map.estimate_radiance_visible(query, params, photons, domain, f)
+    };
+    counters.photons_visited += photons.visited() - visited;
+    counters.differential_stops += u64::from(estimate.at_edge);
+    estimate
 }
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.
 pub fn visible_domain(scene: &Scene, position: Vec3, normal: Vec3, radius: f32) -> Option<KernelDomain> {
-    KernelDomain::feel(normal, radius, |tangent| scene.surface_reach(position, normal, tangent, radius))
+    KernelDomain::feel(normal, radius, |tangent, length| {
+        scene.surface_reach(position, normal, tangent, length)
+    })
 }

@@ -1,25 +1,33 @@
 //! The two-pass method of Jensen 1996: what the camera sees is computed accurately, what lies behind the next diffuse
 //! reflection is read from the photon maps.
 
+mod cache;
 mod gather;
+mod glossy;
 mod lookup;
 mod show;
+mod show_classes;
 mod walk;
 
+pub use cache::{CachePass, CacheRequest};
 pub use lookup::visible_domain;
 pub use show::ShowPhotons;
+pub use show_classes::ShowClasses;
 
-use super::direct::DirectLighting;
-use super::{Integrator, Scratch};
+use super::direct::{DirectLighting, Reflected};
+use super::{Directions, Integrator, Scratch};
+use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
-use crate::photons::{EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion};
+use crate::photons::{
+    DirectionGuide, EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps,
+};
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
 use lookup::reflected;
-use walk::walk_specular;
+use walk::{Walk, walk_specular};
 
 /// How the maps are read.
 #[derive(Clone, Copy, Debug)]
@@ -28,41 +36,56 @@ pub struct PhotonMapSettings {
     pub global_nearest: u32,
     /// Photons in an estimate from the caustic map.
     pub caustic_nearest: u32,
+    /// Radius of estimates from the global map, render space, in place of a count of photons.
+    pub global_radius: Option<f32>,
+    /// Radius of estimates from the caustic map, render space, in place of a count of photons.
+    pub caustic_radius: Option<f32>,
     /// Weights and bias of caustic estimates.
     pub caustic: EstimateParams,
     /// Weights and bias of estimates from the global map.
     pub global: EstimateParams,
     /// Search region.
     pub region: SearchRegion,
+    /// Whether estimates shrink where they change in one direction only.
+    pub differential_check: bool,
     /// Largest radius of an estimate, render space.
     pub max_radius: f32,
     /// Final gather rays per camera sample.
     pub gather_samples: u32,
+    /// Distribution rays at the first highly glossy lobe that a camera sample meets; fewer at the next ones.
+    pub glossy_samples: u32,
     /// Shadow rays per light and camera sample.
     pub light_samples: u32,
     /// Whether estimates leave out what cannot be seen from their centre.
     pub visible_kernel: bool,
     /// Surfaces that a chain of specular reflections may have.
     pub max_depth: u32,
+    /// Behind a diffuse reflection, surfaces nearer than this are computed accurately (Jensen 1996, section 4), render
+    /// space.
+    pub accurate_distance: f32,
+    /// Paths that carry less than this are evaluated from the maps alone.
+    pub approximate_weight: f32,
 }
 
 impl PhotonMapSettings {
     /// A query of the global map at a place.
     pub fn global_query(&self, position: Vec3, normal: Vec3) -> Query {
-        Query {
-            region: self.region,
-            max_radius: self.max_radius,
-            ..Query::nearest(position, normal, self.global_nearest as usize)
-        }
+        self.query(position, normal, self.global_nearest, self.global_radius)
     }
 
     /// A query of the caustic map at a place.
     pub fn caustic_query(&self, position: Vec3, normal: Vec3) -> Query {
-        Query {
-            region: self.region,
-            max_radius: self.max_radius,
-            ..Query::nearest(position, normal, self.caustic_nearest as usize)
-        }
+        self.query(position, normal, self.caustic_nearest, self.caustic_radius)
+    }
+
+    fn query(&self, position: Vec3, normal: Vec3, nearest: u32, radius: Option<f32>) -> Query {
+        let query = match radius {
+            Some(radius) => Query::within(position, normal, radius),
+            None => {
+                Query { max_radius: self.max_radius, ..Query::nearest(position, normal, nearest as usize) }
+            }
+        };
+        Query { region: self.region, differential_check: self.differential_check, ..query }
     }
 }
 
@@ -73,8 +96,12 @@ pub struct PhotonMaps {
     pub global: Option<PhotonMap>,
     /// Irradiance precomputed at photons of the global map; `None` for full estimates at every gather ray.
     pub irradiance: Option<IrradianceMap>,
+    /// Where indirect light comes from; `None` where directions are drawn from BSDFs alone.
+    pub guide: Option<DirectionGuide>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
+    /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
+    pub shadows: Option<ShadowMaps>,
 }
 
 /// Pass 2.
@@ -86,15 +113,22 @@ pub struct PhotonMapIntegrator<'a> {
     direct: DirectLighting<'a>,
     bsdf_sampling: bool,
     camera_medium: MediumId,
+    cache: Option<IrradianceCache>,
 }
 
-/// A diffuse surface that is computed accurately.
+/// A surface with a diffuse or a highly glossy lobe that is computed accurately.
 struct Vertex<'a> {
     hit: &'a SurfaceInteraction,
     shading: &'a Shading,
     medium: MediumId,
     /// Share of the camera sample that arrives here: scales the number of gather rays.
     share: f32,
+    /// What light from here is multiplied by on its way to the eye, brightest channel.
+    weight: f32,
+    /// Segments from the eye to here.
+    depth: u32,
+    /// Way from the eye to here.
+    travelled: f32,
 }
 
 impl<'a> PhotonMapIntegrator<'a> {
@@ -107,8 +141,14 @@ impl<'a> PhotonMapIntegrator<'a> {
         camera_medium: MediumId,
     ) -> Self {
         let bsdf_sampling = plan.bsdf_sampling.build;
-        let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling);
-        Self { scene, maps, settings, direct, bsdf_sampling, camera_medium }
+        let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling)
+            .with_shadows(maps.shadows.as_ref());
+        Self { scene, maps, settings, direct, bsdf_sampling, camera_medium, cache: None }
+    }
+
+    /// How gather rays are drawn at a vertex.
+    fn directions<'v>(&'v self, vertex: &Vertex<'v>, scratch: &mut Scratch) -> Directions<'v> {
+        Directions::new(self.maps.guide.as_ref(), vertex.hit, vertex.shading, &mut scratch.counters)
     }
 
     /// Third integral: the caustic map, shown directly.
@@ -124,27 +164,56 @@ impl<'a> PhotonMapIntegrator<'a> {
         if medium.is_clear() { Rgb::ONE } else { medium.transmittance(distance) }
     }
 
-    /// All four integrals at a diffuse surface.
+    /// All integrals at a surface that is not ideal specular, but for what highly glossy lobes find by their own rays.
     fn shade(
         &self,
         vertex: &Vertex<'_>,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
-    ) -> [(Aov, Rgb); 3] {
+    ) -> [(Aov, Rgb); 4] {
         let Vertex { hit, shading, medium, .. } = *vertex;
-        if !shading.bsdf.has_diffuse() {
-            return [(Aov::Direct, Rgb::ZERO), (Aov::Caustics, Rgb::ZERO), (Aov::Indirect, Rgb::ZERO)];
+        let (has_diffuse, has_glossy) = (shading.bsdf.has_diffuse(), shading.bsdf.has_glossy());
+        let is_light = !has_glossy && vertex.depth > 1 && vertex.weight < self.settings.approximate_weight;
+        if is_light && let Some(radiance) = self.approximate(hit, shading, scratch) {
+            scratch.counters.approximate_weight += 1;
+            let nothing = |aov: Aov| (aov, Rgb::ZERO);
+            return [
+                nothing(Aov::Direct),
+                nothing(Aov::Specular),
+                nothing(Aov::Caustics),
+                (Aov::Indirect, radiance),
+            ];
         }
-        let by_light = self.direct.radiance(hit, shading, medium, samples, &mut scratch.counters);
-        let caustics = self.caustics(vertex, scratch);
-        let (indirect, by_bsdf) = self.indirect(vertex, samples, scratch);
-        [(Aov::Direct, by_light + by_bsdf), (Aov::Caustics, caustics), (Aov::Indirect, indirect)]
+        scratch.counters.accurate_seen += u64::from(has_diffuse);
+        let directions = self.directions(vertex, scratch);
+        let by_light = if has_diffuse || has_glossy {
+            self.direct.radiance(hit, &directions, medium, samples, scratch)
+        } else {
+            Reflected::default()
+        };
+        let (mut caustics, mut indirect, mut by_bsdf) = (Rgb::ZERO, Rgb::ZERO, Rgb::ZERO);
+        if has_diffuse {
+            caustics = self.caustics(vertex, scratch);
+            (indirect, by_bsdf) = self.indirect(vertex, &directions, samples, scratch);
+        }
+        [
+            (Aov::Direct, by_light.diffuse + by_bsdf),
+            (Aov::Specular, by_light.glossy),
+            (Aov::Caustics, caustics),
+            (Aov::Indirect, indirect),
+        ]
     }
 }
 
 impl Integrator for PhotonMapIntegrator<'_> {
     fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
-        walk_specular(self.scene, ray, self.camera_medium, self.settings.max_depth, samples, scratch, &mut {
+        let walk = Walk {
+            scene: self.scene,
+            max_depth: self.settings.max_depth,
+            glossy_samples: self.settings.glossy_samples,
+            lights: Some(&self.direct),
+        };
+        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, samples: &mut SampleStream, scratch: &mut Scratch| {
                 self.shade(vertex, samples, scratch)
             }

@@ -1,7 +1,7 @@
 //! Maps shown directly.
 
 use super::lookup::reflected;
-use super::walk::walk_specular;
+use super::walk::{Walk, walk_specular};
 use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::{Integrator, Scratch};
@@ -58,7 +58,13 @@ impl<'a> ShowPhotons<'a> {
 
 impl Integrator for ShowPhotons<'_> {
     fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
-        walk_specular(self.scene, ray, self.camera_medium, self.settings.max_depth, samples, scratch, &mut {
+        let walk = Walk {
+            scene: self.scene,
+            max_depth: self.settings.max_depth,
+            glossy_samples: self.settings.glossy_samples,
+            lights: None,
+        };
+        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]
         })
     }

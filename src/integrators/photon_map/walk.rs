@@ -1,41 +1,62 @@
-//! From the camera to the first surfaces that are not specular.
+//! From the camera over specular and highly glossy lobes to diffuse ones.
 
 use super::Vertex;
+use super::glossy::{emitted, environment, push_scattered};
 use crate::film::{Aov, PixelSample};
+use crate::integrators::direct::DirectLighting;
 use crate::integrators::specular::{Branch, push_children};
 use crate::integrators::{Scratch, describe_first_hit};
-use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
 
-/// Follows a camera ray through specular surfaces and calls `shade` at each diffuse surface it ends on. What is behind a
-/// specular surface belongs to the specular part whatever it is.
+/// How a camera ray is followed.
+#[derive(Clone, Copy)]
+pub(super) struct Walk<'a> {
+    pub scene: &'a Scene,
+    /// Surfaces that a path may have.
+    pub max_depth: u32,
+    /// Distribution rays at the first highly glossy lobe of a camera sample.
+    pub glossy_samples: u32,
+    /// What samples lights at highly glossy lobes, if that is done: emission found by their rays is weighted against it.
+    pub lights: Option<&'a DirectLighting<'a>>,
+}
+
+/// Follows a camera ray through specular and highly glossy lobes and calls `shade` at each surface that has another lobe,
+/// or a highly glossy one, which sees lights by their samples. What is behind such a lobe belongs to the specular part
+/// whatever it is.
 pub(super) fn walk_specular<const N: usize>(
-    scene: &Scene,
+    walk: Walk<'_>,
     ray: Ray,
     medium: MediumId,
-    max_depth: u32,
     samples: &mut SampleStream,
     scratch: &mut Scratch,
     shade: &mut impl FnMut(&Vertex<'_>, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); N],
 ) -> PixelSample {
+    let Walk { scene, max_depth, glossy_samples, lights } = walk;
     let mut out = PixelSample::default();
     scratch.counters.camera_rays += 1;
     let mut branches = std::mem::take(&mut scratch.branches);
     branches.clear();
-    branches.push(Branch { ray, throughput: Rgb::ONE, medium, depth: 0, share: 1.0 });
+    branches.push(Branch {
+        ray,
+        throughput: Rgb::ONE,
+        medium,
+        depth: 0,
+        share: 1.0,
+        travelled: 0.0,
+        drawn: None,
+        is_glossy: false,
+    });
     while let Some(mut branch) = branches.pop() {
         let first = branch.depth == 0;
         let part = |aov: Aov| if first { aov } else { Aov::Specular };
         scratch.counters.depth_sum += 1;
-        scratch.counters.specular_rays += u64::from(!first);
+        scratch.counters.specular_rays += u64::from(!(first || branch.is_glossy));
+        scratch.counters.glossy_rays += u64::from(branch.is_glossy);
         let Some(hit) = scene.intersect(&branch.ray) else {
-            if let Some(Light::Environment(sky)) = scene.environment().map(|id| &scene.lights()[id as usize])
-            {
-                out.add(part(Aov::Emission), branch.throughput * sky.radiance);
-            }
+            out.add(part(Aov::Emission), branch.throughput * environment(scene, lights, branch.drawn));
             continue;
         };
         if first {
@@ -45,21 +66,33 @@ pub(super) fn walk_specular<const N: usize>(
         if !medium.is_clear() {
             branch.throughput *= medium.transmittance(hit.distance);
         }
-        if let Some(Light::Area(area)) = scene.surface(&hit).light.map(|id| &scene.lights()[id as usize]) {
-            out.add(part(Aov::Emission), branch.throughput * area.emitted(hit.is_front()));
-        }
+        out.add(part(Aov::Emission), branch.throughput * emitted(scene, lights, branch.drawn, &hit));
         let shading = hit.shading(scene.material(&hit));
-        if shading.bsdf.is_delta() {
+        let bsdf = &shading.bsdf;
+        if bsdf.has_specular() || bsdf.has_glossy() {
             scratch.counters.interfaces += 1;
             scratch.counters.medium_mismatches += u64::from(scene.is_medium_mismatch(&hit, branch.medium));
             if branch.depth + 1 >= max_depth {
                 scratch.counters.truncated += 1;
-                continue;
+            } else if bsdf.is_delta() {
+                push_children(&mut branches, &branch, scene, &hit, &shading, samples);
+            } else {
+                let how = (scene, lights, glossy_samples);
+                push_scattered(&mut branches, &branch, how, &hit, &shading, samples);
             }
-            push_children(&mut branches, &branch, scene, &hit, &shading, samples);
+        }
+        if bsdf.is_delta() {
             continue;
         }
-        let vertex = Vertex { hit: &hit, shading: &shading, medium: branch.medium, share: branch.share };
+        let vertex = Vertex {
+            hit: &hit,
+            shading: &shading,
+            medium: branch.medium,
+            share: branch.share,
+            weight: branch.throughput.max_element(),
+            depth: branch.depth + 1,
+            travelled: branch.travelled + hit.distance,
+        };
         for (aov, radiance) in shade(&vertex, samples, scratch) {
             out.add(part(aov), branch.throughput * radiance);
         }

@@ -1,20 +1,24 @@
 //! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
 
+mod own_materials;
 mod place;
 
 use self::place::{Placed, Source};
 use super::description::{
-    CameraDescription, EmissionDescription, LightDescription, Location, MaterialDescription,
-    SceneDescription, SceneWarning, ShapeDescription,
+    CameraDescription, EmissionDescription, GeometryDescription, LightDescription, Location,
+    MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
-use super::ply::PlyError;
-use crate::bsdf::Dielectric;
+use super::mesh_file::MeshFileError;
+use crate::bsdf::{Dielectric, RoughDielectric};
 use crate::camera::Camera;
 use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointLight};
 use crate::math::{Bounds3, unit_f64};
 use crate::media::Medium;
-use crate::scene::{Geometry, Material, Node, Placement, RenderSpace, Scene, SceneParts, Surface};
+use crate::scene::{
+    Bump, Geometry, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace, Scene, SceneParts,
+    Surface, Target,
+};
 use crate::shapes::{EmitterShape, ShapeError};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
@@ -48,9 +52,13 @@ pub struct BuildError {
 pub enum BuildProblem {
     /// Its mesh file.
     #[error(transparent)]
-    Ply(PlyError),
+    MeshFile(#[from] MeshFileError),
     /// Its mesh cannot be fitted.
-    #[error("{} has no extent that `fit` could scale; is the mesh empty?", .0.display())]
+    #[error(
+        "{}: no triangles with an extent that `fit` could scale: the mesh is empty, damaged, or of points and lines alone; \
+         name one with faces",
+        .0.display()
+    )]
     Fit(PathBuf),
     /// Its triangles.
     #[error(transparent)]
@@ -64,6 +72,15 @@ pub enum BuildProblem {
          emitter, or scale it equally"
     )]
     NotSimilar,
+    /// An emitter of which nothing is left.
+    #[error(
+        "emits, but none of its {0} triangle(s) has an area that single precision can tell; is its scale or its unit right, \
+         or does something else lie very far away?"
+    )]
+    NoEmitter(usize),
+    /// An emitter whose area cannot be summed up.
+    #[error("emits, but the area of its surface is zero or beyond what can be computed; check its scale")]
+    EmitterArea,
     /// Embree.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
@@ -84,6 +101,20 @@ pub enum BuildProblem {
 /// Faces with corners so far from the scene's centre, in radii, lose digits that matter.
 const FAR_CAMERA: f64 = 1e5;
 
+/// What is less than so many steps of single precision across has lost a thousandth of its size to rounding.
+const FEW_STEPS: f64 = 1024.0;
+
+/// How many steps between neighbouring numbers of single precision fit into the extent of `bounds`, where space has its
+/// origin at `center`. Infinite for what has no extent.
+fn steps_across(bounds: &Bounds3, center: DVec3) -> f64 {
+    let extent = 2.0 * bounds.radius();
+    if bounds.is_empty() || extent <= 0.0 {
+        return f64::INFINITY;
+    }
+    let farthest = (bounds.min - center).abs().max((bounds.max - center).abs()).max_element();
+    extent / (farthest * f64::from(f32::EPSILON))
+}
+
 /// Builds the scene for a picture of `width` by `height` pixels.
 ///
 /// # Errors
@@ -93,18 +124,22 @@ pub fn build_scene(
     device: &Arc<Device>,
     (width, height): (u32, u32),
 ) -> Result<BuiltScene, BuildError> {
+    let taken_apart = own_materials::take_apart(description)?;
+    let description = taken_apart.as_ref().unwrap_or(description);
     let mut builder = Builder::read(description)?;
     let bounds = builder.world_bounds();
     if !(bounds.is_empty() || bounds.center().is_finite() && bounds.radius().is_finite()) {
         return Err(whole(description, BuildProblem::Extent));
     }
-    let space = RenderSpace::fitting(bounds.center(), bounds.radius());
+    let space = RenderSpace::fitting(builder.choose_center(&bounds), bounds.radius());
+    builder.warn_of_coarse_positions(space.center);
     let camera = builder.camera(&bounds, &space, (width, height))?;
     let (embree, assembly) = builder.assemble(device, &space)?;
     let radius = space.length(bounds.radius()) as f32;
     let flux = assembly.flux(description, &space, f64::from(radius));
     let space = space.with_flux(flux);
-    let lights = assembly.lights(description, &space);
+    let (lights, light_notes) = assembly.lights(description, &space)?.into_iter().unzip();
+    builder.warnings.extend(assembly.warnings);
     let mut surfaces = assembly.surfaces;
     for (id, emitter) in assembly.emitters.iter().enumerate() {
         surfaces[emitter.surface].light = Some(id as u32);
@@ -115,11 +150,13 @@ pub fn build_scene(
         nodes: assembly.nodes,
         surfaces,
         materials: materials(description),
+        textures: textures(description),
         media: media(description, &space),
         lights,
         space,
-        bounds: (glam::Vec3::ZERO, radius),
-        casters: casters(assembly.casters),
+        bounds: (space.position(bounds.center()).as_vec3(), radius),
+        targets: assembly.targets,
+        light_notes,
     });
     Ok(BuiltScene { scene, camera, warnings: builder.warnings })
 }
@@ -133,11 +170,15 @@ struct Builder<'a> {
     description: &'a SceneDescription,
     /// By shape: what was read, and its placement in the world or its group.
     sources: Vec<(Source, DAffine3)>,
+    /// By material.
+    specularities: Vec<f32>,
     warnings: Vec<SceneWarning>,
 }
 
 /// A light on a surface, its radiance not yet scaled.
 struct Emitter {
+    /// Index of the description's shape.
+    shape: usize,
     surface: usize,
     pieces: Vec<EmitterShape>,
     emission: EmissionDescription,
@@ -150,7 +191,8 @@ struct Assembly {
     nodes: Vec<Node>,
     surfaces: Vec<Surface>,
     emitters: Vec<Emitter>,
-    casters: Vec<(DVec3, f64)>,
+    targets: Vec<Target>,
+    warnings: Vec<SceneWarning>,
 }
 
 impl<'a> Builder<'a> {
@@ -175,7 +217,9 @@ impl<'a> Builder<'a> {
             }
             sources.push((source, transform));
         }
-        Ok(Self { description, sources, warnings })
+        let specularities =
+            materials(description).iter().map(|(_, material)| material.specularity()).collect();
+        Ok(Self { description, sources, specularities, warnings })
     }
 
     /// Each placement of each shape: its index, and from its own space to the world. Shapes of groups come once for
@@ -197,6 +241,43 @@ impl<'a> Builder<'a> {
         self.placements().fold(Bounds3::EMPTY, |bounds, (index, transform, _)| {
             bounds.union(self.sources[index].0.bounds(&transform))
         })
+    }
+
+    /// Where the origin of render space is best: at the middle of the scene, unless that leaves something coarse
+    /// ([`steps_across`]); then at the middle of the coarsest thing, where numbers are finest. No other coordinate is
+    /// more than doubled by that.
+    fn choose_center(&self, bounds: &Bounds3) -> DVec3 {
+        let center = bounds.center();
+        let coarsest = self
+            .placements()
+            .map(|(index, transform, _)| self.sources[index].0.bounds(&transform))
+            .map(|bounds| (steps_across(&bounds, center), bounds.center()))
+            .filter(|(steps, _)| *steps < FEW_STEPS)
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        coarsest.map_or(center, |(_, at)| at)
+    }
+
+    /// Warns of what is so small where it stands that rounding shows.
+    fn warn_of_coarse_positions(&mut self, center: DVec3) {
+        let mut coarse = vec![f64::INFINITY; self.description.shapes.len()];
+        for (index, transform, _) in self.placements() {
+            let steps = steps_across(&self.sources[index].0.bounds(&transform), center);
+            coarse[index] = coarse[index].min(steps);
+        }
+        let mut found = coarse.iter().enumerate().filter(|(_, steps)| **steps < FEW_STEPS);
+        let Some((index, steps)) = found.next() else { return };
+        let others = found.count();
+        let shape = &self.description.shapes[index];
+        self.warnings.push(SceneWarning {
+            location: shape.location.clone(),
+            message: format!(
+                "{}{} small and far from the middle: {:.0} steps of single precision across, so that rounding shows in \
+                 the shape and in caustics; make the scene around smaller, or move the rest towards it",
+                shape.name,
+                if others == 0 { " is".to_owned() } else { format!(" and {others} more shape(s) are") },
+                steps
+            ),
+        });
     }
 
     fn camera(
@@ -276,11 +357,24 @@ impl<'a> Builder<'a> {
         add_geometry(builder, &placed.geometry).map_err(|problem| error_of(shape, problem.into()))?;
         let flip = shape.value.flip_normal != placed.flip;
         let surface = assembly.surfaces.len();
-        if let Some(emission) = shape.value.emission.filter(|_| !placed.emitter.is_empty()) {
-            assembly.emitters.push(Emitter { surface, pieces: placed.emitter, emission, flip });
+        if placed.lost > 0 {
+            assembly.warnings.push(SceneWarning {
+                location: shape.location.clone(),
+                message: format!(
+                    "{}: {} of the {} triangles of this emitter have no area in single precision and were left out; they \
+                     neither emit nor are seen",
+                    shape.name,
+                    placed.lost,
+                    placed.lost + placed.emitter.len()
+                ),
+            });
         }
-        if self.is_caster(index) && !placed.bounds.is_empty() {
-            assembly.casters.push(placed.sphere);
+        // Empty for an empty mesh alone, which was told when it was read.
+        if let Some(emission) = shape.value.emission.filter(|_| !placed.emitter.is_empty()) {
+            assembly.emitters.push(Emitter { shape: index, surface, pieces: placed.emitter, emission, flip });
+        }
+        if !placed.bounds.is_empty() {
+            assembly.targets.push(self.target(index, placed.sphere, surface));
         }
         assembly.nodes.push(Node::Surface(surface as u32));
         assembly.surfaces.push(self.surface(index, placed.geometry, flip));
@@ -311,9 +405,10 @@ impl<'a> Builder<'a> {
         let placement =
             Placement::new(*total * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
         top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
-        if self.is_caster(index) {
-            let bounds = source.bounds(total);
-            assembly.casters.push((bounds.center(), bounds.radius()));
+        let bounds = source.bounds(total);
+        if !bounds.is_empty() {
+            let target = self.target(index, (bounds.center(), bounds.radius()), first as usize);
+            assembly.targets.push(target);
         }
         assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
         Ok(())
@@ -362,10 +457,13 @@ impl<'a> Builder<'a> {
                 let placement =
                     Placement::new(world * local.inverse()).ok_or_else(|| error(BuildProblem::Singular))?;
                 top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
-                for &index in members.iter().filter(|&&index| self.is_caster(index)) {
+                for (number, &index) in members.iter().enumerate() {
                     let (source, transform) = &self.sources[index];
                     let bounds = source.bounds(&(world * *transform));
-                    assembly.casters.push((bounds.center(), bounds.radius()));
+                    if !bounds.is_empty() {
+                        let sphere = (bounds.center(), bounds.radius());
+                        assembly.targets.push(self.target(index, sphere, first as usize + number));
+                    }
                 }
                 assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
             }
@@ -380,16 +478,34 @@ impl<'a> Builder<'a> {
             geometry,
             flip_normal,
             material: shape.value.material as u32,
+            part_materials: self.part_materials(index),
             light: None,
         }
     }
 
-    fn is_caster(&self, index: usize) -> bool {
-        let material = self.description.shapes[index].value.material;
-        match &self.description.materials[material].value {
-            MaterialDescription::Lambert { .. } => false,
-            MaterialDescription::Mirror { reflectance, .. } => reflectance.max_element() > 0.0,
-            MaterialDescription::Dielectric { .. } => true,
+    /// Materials of the parts of a shape; empty where all have that of the shape.
+    fn part_materials(&self, index: usize) -> Vec<u32> {
+        let shape = &self.description.shapes[index].value;
+        match &shape.geometry {
+            GeometryDescription::Csg { materials, .. } if materials.iter().any(Option::is_some) => {
+                materials.iter().map(|own| own.unwrap_or(shape.material) as u32).collect()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// The `sphere` around shape `index` as what photons are aimed at. What casts caustics is up to the materials.
+    fn target(&self, index: usize, (center, radius): (DVec3, f64), surface: usize) -> Target {
+        let shape = &self.description.shapes[index].value;
+        let parts = self.part_materials(index).into_iter().map(|material| material as usize);
+        let specularity =
+            parts.chain([shape.material]).map(|material| self.specularities[material]).fold(0.0, f32::max);
+        Target {
+            center: center.as_vec3(),
+            // Rounding of centre and radius must not let the shape out.
+            radius: (radius * (1.0 + 1e-5) + 1e-7 * center.length()) as f32,
+            density: specularity * shape.caustic_photons as f32,
+            surface: surface as u32,
         }
     }
 }
@@ -416,13 +532,26 @@ impl Assembly {
         total.max_element()
     }
 
-    fn lights(&self, description: &SceneDescription, space: &RenderSpace) -> Vec<Light> {
+    /// One light for each emitter, in their order, then those without a surface.
+    fn lights(
+        &self,
+        description: &SceneDescription,
+        space: &RenderSpace,
+    ) -> Result<Vec<(Light, LightNote)>, BuildError> {
         let scaled = |colour: DVec3| (colour * space.power).as_vec3();
-        let areas = self.emitters.iter().filter_map(|emitter| {
+        let areas = self.emitters.iter().map(|emitter| {
             let radiance = scaled(emitter.emission.radiance);
+            let note = LightNote {
+                name: self.surfaces[emitter.surface].name.clone(),
+                photons: emitter.emission.photons as f32,
+            };
             AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip)
-                .map(Light::Area)
+                .map(|light| (Light::Area(light), note))
+                .ok_or_else(|| error_of(&description.shapes[emitter.shape], BuildProblem::EmitterArea))
         });
+        let notes = description.lights.iter().zip(&description.light_photons);
+        let notes =
+            notes.map(|(light, &photons)| LightNote { name: light.name.clone(), photons: photons as f32 });
         let others = description.lights.iter().map(|light| match &light.value {
             LightDescription::Point { position, intensity } => Light::Point(PointLight {
                 position: space.position(*position).as_vec3(),
@@ -436,7 +565,7 @@ impl Assembly {
                 Light::Environment(EnvironmentLight { radiance: scaled(*radiance) })
             }
         });
-        areas.chain(others).collect()
+        areas.chain(others.zip(notes).map(Ok)).collect()
     }
 }
 
@@ -452,27 +581,45 @@ fn add_geometry(builder: &mut SceneBuilder, geometry: &Geometry) -> Result<u32, 
 }
 
 fn materials(description: &SceneDescription) -> Vec<(String, Material)> {
-    let ior = |medium: usize| description.media[medium].value.ior;
-    description
-        .materials
+    let named = |material: &super::Named<MaterialDescription>| {
+        (material.name.clone(), material_of(description, &material.value))
+    };
+    description.materials.iter().map(named).collect()
+}
+
+fn material_of(description: &SceneDescription, material: &MaterialDescription) -> Material {
+    match *material {
+        MaterialDescription::Lambert { reflectance, two_sided } => {
+            Material::Lambert { reflectance, two_sided }
+        }
+        MaterialDescription::Mirror { reflectance, two_sided } => Material::Mirror { reflectance, two_sided },
+        MaterialDescription::Dielectric { inside, outside, roughness } => {
+            let ior = |medium: usize| description.media[medium].value.ior;
+            let smooth = Dielectric::new(ior(outside), ior(inside));
+            let (inside, outside) = (inside as u32, outside as u32);
+            match RoughDielectric::new(smooth, roughness as f32) {
+                Some(interface) => Material::RoughDielectric { inside, outside, interface },
+                None => Material::Dielectric { inside, outside, interface: smooth },
+            }
+        }
+        MaterialDescription::Glossy { bsdf, two_sided, tangent } => {
+            Material::Glossy { bsdf, two_sided, tangent }
+        }
+    }
+}
+
+/// Textures of each material; none at all where no material has one.
+fn textures(description: &SceneDescription) -> Vec<MaterialTexture> {
+    let texture = |index: usize| description.textures[index].value;
+    let textures: Vec<_> = description
+        .looks
         .iter()
-        .map(|material| {
-            let value = match material.value {
-                MaterialDescription::Lambert { reflectance, two_sided } => {
-                    Material::Lambert { reflectance, two_sided }
-                }
-                MaterialDescription::Mirror { reflectance, two_sided } => {
-                    Material::Mirror { reflectance, two_sided }
-                }
-                MaterialDescription::Dielectric { inside, outside } => Material::Dielectric {
-                    inside: inside as u32,
-                    outside: outside as u32,
-                    interface: Dielectric::new(ior(outside), ior(inside)),
-                },
-            };
-            (material.name.clone(), value)
+        .map(|look| MaterialTexture {
+            colour: look.colour.map(texture),
+            bump: look.bump.map(|(index, height)| Bump { texture: texture(index), height }),
         })
-        .collect()
+        .collect();
+    if textures.iter().all(MaterialTexture::is_plain) { Vec::new() } else { textures }
 }
 
 fn media(description: &SceneDescription, space: &RenderSpace) -> Vec<Medium> {
@@ -482,23 +629,6 @@ fn media(description: &SceneDescription, space: &RenderSpace) -> Vec<Medium> {
         absorption: (medium.value.absorption / space.scale).as_vec3(),
     };
     description.media.iter().map(medium).collect()
-}
-
-/// More casters than this are aimed at as one.
-const MOST_CASTERS: usize = 16;
-
-fn casters(spheres: Vec<(DVec3, f64)>) -> Vec<(glam::Vec3, f32)> {
-    // Rounding of centre and radius must not let the shape out.
-    let rounded = |(center, radius): (DVec3, f64)| (center.as_vec3(), (radius * (1.0 + 1e-5)) as f32);
-    if spheres.len() <= MOST_CASTERS {
-        return spheres.into_iter().map(rounded).collect();
-    }
-    let bounds = spheres.iter().fold(Bounds3::EMPTY, |bounds, (center, radius)| {
-        bounds.with_point(*center - *radius).with_point(*center + *radius)
-    });
-    let center = bounds.center();
-    let radius = spheres.iter().map(|(c, r)| (*c - center).length() + r).fold(0.0, f64::max);
-    vec![rounded((center, radius))]
 }
 
 /// A camera that looks at the whole scene from above and in front.

@@ -4,12 +4,13 @@ use super::BuildProblem;
 use crate::embree::{Procedural, TriangleBuffers};
 use crate::math::{Bounds3, unit_f64};
 use crate::scene::{Geometry, Mesh};
-use crate::scene_file::GeometryDescription;
 use crate::scene_file::description::MeshNormals;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh};
-use crate::scene_file::ply::read_ply;
-use crate::shapes::{Cylinder, Disc, EmitterShape, Quad, Sphere, Triangle};
-use glam::{DAffine3, DVec3, Vec3};
+use crate::scene_file::{GeometryDescription, generate, read_mesh_file};
+use crate::shapes::{
+    Csg, Cylinder, Disc, EmitterShape, HeightGrid, Quad, Sphere, SphereFlake, Terrain, Triangle,
+};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -17,10 +18,37 @@ use std::sync::Arc;
 #[derive(Debug)]
 pub(super) enum Source {
     Mesh(TriangleMesh),
-    Quad { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
-    Sphere { center: DVec3, radius: f64 },
-    Cylinder { base: DVec3, top: DVec3, radius: f64 },
-    Disc { center: DVec3, normal: DVec3, radius: f64 },
+    Quad {
+        corner: DVec3,
+        edge_u: DVec3,
+        edge_v: DVec3,
+    },
+    Sphere {
+        center: DVec3,
+        radius: f64,
+    },
+    Cylinder {
+        base: DVec3,
+        top: DVec3,
+        radius: f64,
+    },
+    Disc {
+        center: DVec3,
+        normal: DVec3,
+        radius: f64,
+    },
+    Csg(Csg),
+    SphereFlake {
+        center: DVec3,
+        radius: f64,
+        frame: DMat3,
+        depth: u32,
+    },
+    /// With the transform from the grid's own space.
+    Terrain {
+        grid: Arc<HeightGrid>,
+        transform: DAffine3,
+    },
 }
 
 /// A shape in its target space.
@@ -35,6 +63,8 @@ pub(super) struct Placed {
     pub flip: bool,
     /// What an emitter of this shape samples, by primitive; only where asked for.
     pub emitter: Vec<EmitterShape>,
+    /// Triangles of an emitter that rounding left without area: neither light nor surface.
+    pub lost: usize,
 }
 
 impl Source {
@@ -45,13 +75,19 @@ impl Source {
         let mut before = DAffine3::IDENTITY;
         let mut report = MeshReport::default();
         let source = match description {
-            GeometryDescription::MeshFile { path, normals, fit } => {
-                let (mut mesh, found) = read_ply(path).map_err(BuildProblem::Ply)?;
+            GeometryDescription::MeshFile { path, normals, fit, .. } => {
+                let (mut mesh, found) = read_mesh_file(path)?;
                 report = found;
                 choose_normals(&mut mesh, *normals);
                 if let Some(fit) = fit {
                     before = fit.transform(&mesh.bounds()).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
                 }
+                Self::Mesh(mesh)
+            }
+            GeometryDescription::Loaded { mesh, normals, before: fitted } => {
+                let mut mesh = TriangleMesh::clone(mesh);
+                choose_normals(&mut mesh, *normals);
+                before = *fitted;
                 Self::Mesh(mesh)
             }
             GeometryDescription::Mesh { positions, triangles, normals } => {
@@ -61,10 +97,28 @@ impl Source {
                 choose_normals(&mut mesh, *normals);
                 Self::Mesh(mesh)
             }
+            GeometryDescription::Generated(generator) => Self::Mesh(generator.mesh()),
             &GeometryDescription::Quad { corner, edge_u, edge_v } => Self::Quad { corner, edge_u, edge_v },
             &GeometryDescription::Sphere { center, radius } => Self::Sphere { center, radius },
             &GeometryDescription::Cylinder { base, top, radius } => Self::Cylinder { base, top, radius },
             &GeometryDescription::Disc { center, normal, radius } => Self::Disc { center, normal, radius },
+            GeometryDescription::Csg { object, .. } => Self::Csg(object.clone()),
+            &GeometryDescription::SphereFlake { center, radius, axis, depth } => {
+                let axis = unit_f64(axis).unwrap_or(DVec3::Y);
+                let (x, y) = axis.any_orthonormal_pair();
+                Self::SphereFlake { center, radius, frame: DMat3::from_cols(x, y, axis), depth }
+            }
+            &GeometryDescription::Terrain { center, size, cells, ref noise, triangles } => {
+                let grid = Arc::new(HeightGrid::from_noise(cells, noise)?);
+                let scale = size / DVec3::new(f64::from(cells), 1.0, f64::from(cells));
+                let corner = center - 0.5 * size.with_y(0.0);
+                let transform = DAffine3::from_translation(corner) * DAffine3::from_scale(scale);
+                if triangles {
+                    Self::Mesh(generate::mesh_of_heights(&grid, &transform))
+                } else {
+                    Self::Terrain { grid, transform }
+                }
+            }
         };
         Ok((source, before, report))
     }
@@ -100,6 +154,20 @@ impl Source {
             Self::Disc { center, radius, .. } => {
                 Bounds3 { min: center - *radius, max: center + *radius }.transformed(transform)
             }
+            Self::Csg(object) => {
+                object.transformed(transform).map_or(Bounds3::EMPTY, |object| object.bounds())
+            }
+            Self::SphereFlake { center, radius, frame, depth } => {
+                let flake = SphereFlake::with_frame(*center, *radius, *frame, *depth);
+                let around = flake.map_or((*center, 0.0), |flake| flake.bounding_sphere());
+                Self::Sphere { center: around.0, radius: around.1 }.bounds(transform)
+            }
+            Self::Terrain { grid, transform: own } => {
+                let cells = f64::from(grid.cells());
+                let [low, high] = grid.range().map(f64::from);
+                let own_box = Bounds3 { min: DVec3::new(0.0, low, 0.0), max: DVec3::new(cells, high, cells) };
+                own_box.transformed(&(*transform * *own))
+            }
         }
     }
 
@@ -107,8 +175,9 @@ impl Source {
     /// ellipsoid. Such shapes stand as instances.
     pub(super) fn needs_instance(&self, transform: &DAffine3) -> bool {
         match self {
-            Self::Mesh(_) | Self::Quad { .. } => false,
-            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } => {
+            // The latter two have spaces of their own, to which they take rays in `f64`.
+            Self::Mesh(_) | Self::Quad { .. } | Self::Csg(_) | Self::Terrain { .. } => false,
+            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } | Self::SphereFlake { .. } => {
                 similarity(transform).is_none()
             }
         }
@@ -144,17 +213,36 @@ impl Source {
                 let disc = Disc::new(center, transform.transform_vector3(*normal), radius * scale)?;
                 Ok(exact(disc, (center, radius * scale), emits.then_some(EmitterShape::Disc(disc))))
             }
+            Self::Csg(object) => {
+                let object = object.transformed(transform)?;
+                let around = object.around();
+                Ok(exact(object, around, None))
+            }
+            Self::SphereFlake { center, radius, frame, depth } => {
+                let scale = similarity(transform).ok_or(BuildProblem::NotSimilar)?;
+                let center = transform.transform_point3(*center);
+                let turned = transform.matrix3 * (1.0 / scale) * *frame;
+                let flake = SphereFlake::with_frame(center, radius * scale, turned, *depth)?;
+                let around = flake.bounding_sphere();
+                Ok(exact(flake, around, None))
+            }
+            Self::Terrain { grid, transform: own } => {
+                let terrain = Terrain::new(Arc::clone(grid), *transform * *own)?;
+                let bounds = terrain.bounds();
+                Ok(exact(terrain, (bounds.center(), bounds.radius()), None))
+            }
         }
     }
 }
 
 fn exact<P: Procedural + 'static>(shape: P, sphere: (DVec3, f64), emitter: Option<EmitterShape>) -> Placed {
-    let bounds = shape.bounds(0);
+    let bounds = (0..shape.primitive_count()).fold(Bounds3::EMPTY, |all, part| all.union(shape.bounds(part)));
     Placed {
         geometry: Geometry::Procedural(Arc::new(shape)),
         bounds,
         sphere,
         flip: false,
+        lost: 0,
         emitter: emitter.into_iter().collect(),
     }
 }
@@ -197,12 +285,17 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
     let corners =
         |triangle: &[u32; 3]| triangle.map(|vertex| Vec3::from_array(positions[vertex as usize]).as_dvec3());
     let mut emitter = Vec::new();
+    let whole = triangles.len();
     if emits {
         // A light has one piece for each primitive, so triangles that lost their area to rounding have to go.
         triangles.retain(|triangle| {
             let [a, b, c] = corners(triangle);
             Triangle::new(a, b, c).map(|piece| emitter.push(EmitterShape::Triangle(piece))).is_ok()
         });
+    }
+    let lost = whole - triangles.len();
+    if emits && lost > 0 && triangles.is_empty() {
+        return Err(BuildProblem::NoEmitter(lost));
     }
     let bounds = triangles
         .par_iter()
@@ -226,6 +319,7 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
         bounds,
         sphere: (center, radius),
         flip: false,
+        lost,
         emitter,
     })
 }
@@ -250,6 +344,7 @@ fn place_quad(
         bounds,
         sphere: (bounds.center(), bounds.radius()),
         flip: false,
+        lost: 0,
         emitter,
     })
 }

@@ -3,7 +3,7 @@
 use super::names::Names;
 use super::read_name;
 use crate::scene_file::description::*;
-use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, Table};
+use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, SHARE, Table};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -14,15 +14,17 @@ enum Kind {
     Environment,
 }
 
-pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> Vec<Named<LightDescription>> {
+/// The lights, and the share of photons of each.
+pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> (Vec<Named<LightDescription>>, Vec<f64>) {
     let mut names = Names::new("light");
     let mut environment: Option<Location> = None;
-    let mut lights = Vec::new();
+    let (mut lights, mut shares) = (Vec::new(), Vec::new());
     for (index, mut table) in tables.into_iter().enumerate() {
         let name = read_name(&mut table, &mut names, "light", index);
         let location = table.location();
         let context = table.context();
         let span = table.span().clone();
+        let photons = table.or("photons", 1.0, |value| value.number(&SHARE));
         let Some(value) = read_light(table, unit) else { continue };
         if matches!(value, LightDescription::Environment { .. })
             && let Some(first) = environment.replace(location.clone())
@@ -30,10 +32,11 @@ pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> Vec<Named<LightD
             let message = format!("a second environment: the first is at {first}");
             context.error(&span, message, "add their radiances up in one");
         }
-        let Some(name) = name else { continue };
+        let (Some(name), Some(photons)) = (name, photons) else { continue };
         lights.push(Named { name, location, value });
+        shares.push(photons);
     }
-    lights
+    (lights, shares)
 }
 
 fn read_light(mut table: Table<'_>, unit: f64) -> Option<LightDescription> {

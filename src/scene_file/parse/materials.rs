@@ -1,9 +1,12 @@
 //! `[media.NAME]` and `[materials.NAME]`.
 
+use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
 use super::names::Names;
+use super::textures::read_look;
+use crate::bsdf::Bsdf;
 use crate::math::Rgb;
 use crate::scene_file::description::*;
-use crate::scene_file::reader::{Context, Expected, FRACTION, NON_NEGATIVE, Table, Value};
+use crate::scene_file::reader::{Context, Expected, NON_NEGATIVE, Table};
 use glam::DVec3;
 
 /// Indices of refraction. Nothing transparent is near the upper bound; what lies above it is a mistake.
@@ -21,6 +24,9 @@ enum Kind {
     Lambert,
     Mirror,
     Dielectric,
+    Schlick,
+    Ward,
+    Conductor,
 }
 
 /// Media by name, `air` before all others.
@@ -64,22 +70,37 @@ pub(super) fn read_materials(
     table: Option<Table<'_>>,
     media_names: &Names,
     media: &mut Vec<Named<MediumDescription>>,
+    textures: &Names,
     unit: f64,
-) -> (Vec<Named<MaterialDescription>>, Names) {
+) -> (Vec<Named<MaterialDescription>>, Vec<MaterialLook>, Names) {
     let mut names = Names::new("material");
     let mut materials = Vec::new();
+    let mut looks = Vec::new();
     for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
         let name = value.name();
         names.add(name, span.clone());
         let example = format!("write `[materials.{name}]` and below it `type = \"lambert\"`");
-        let location = value.context().location(&span);
-        let material = value
-            .table(format!("[materials.{name}]"), &example)
-            .and_then(|table| read_material(table, name, &location, media_names, media, unit));
+        let context = value.context();
+        let location = context.location(&span);
+        let material = value.table(format!("[materials.{name}]"), &example).and_then(|mut table| {
+            looks.push(read_look(&mut table, textures, unit));
+            read_material(table, name, &location, media_names, media, unit)
+        });
         let value = material.unwrap_or(BLACK);
+        // A material that is no table is refused; its look keeps the numbers of the others right.
+        looks.resize(materials.len() + 1, MaterialLook::default());
+        let kind = match value {
+            MaterialDescription::Dielectric { .. } => Some("a dielectric"),
+            MaterialDescription::Glossy { bsdf: Bsdf::Conductor(_), .. } => Some("a metal"),
+            _ => None,
+        };
+        if let Some(kind) = kind.filter(|_| looks[materials.len()].colour.is_some()) {
+            let message = format!("[materials.{name}] is {kind}, which has no reflectance to vary");
+            context.error(&span, message, "leave `texture` out; `bump` may stay");
+        }
         materials.push(Named { name: name.to_string(), location, value });
     }
-    (materials, names)
+    (materials, looks, names)
 }
 
 /// Absorbs everything.
@@ -98,7 +119,14 @@ fn read_material(
     media: &mut Vec<Named<MediumDescription>>,
     unit: f64,
 ) -> Option<MaterialDescription> {
-    let kinds = [("lambert", Kind::Lambert), ("mirror", Kind::Mirror), ("dielectric", Kind::Dielectric)];
+    let kinds = [
+        ("lambert", Kind::Lambert),
+        ("mirror", Kind::Mirror),
+        ("dielectric", Kind::Dielectric),
+        ("schlick", Kind::Schlick),
+        ("ward", Kind::Ward),
+        ("conductor", Kind::Conductor),
+    ];
     let material = match table.required("type", "\"lambert\"", |value| value.choice(&kinds))? {
         Kind::Lambert => {
             let reflectance = table.required("reflectance", "[0.8, 0.8, 0.8]", read_reflectance);
@@ -117,7 +145,8 @@ fn read_material(
         Kind::Dielectric => {
             let inside = read_inside(&mut table, media_names, unit);
             let outside = table.or("outside", AIR, |value| media_names.find(value));
-            inside.zip(outside).map(|(inside, outside)| {
+            let roughness = table.or("roughness", 0.0, |value| value.number(&ROUGHNESS));
+            inside.zip(outside.zip(roughness)).map(|(inside, (outside, roughness))| {
                 let inside = match inside {
                     Inside::Named(index) => index,
                     Inside::Anonymous(value) => {
@@ -126,16 +155,15 @@ fn read_material(
                         media.len() - 1
                     }
                 };
-                MaterialDescription::Dielectric { inside, outside }
+                MaterialDescription::Dielectric { inside, outside, roughness }
             })
         }
+        Kind::Schlick => read_schlick(&mut table),
+        Kind::Ward => read_ward(&mut table),
+        Kind::Conductor => read_conductor(&mut table),
     };
     table.finish();
     material
-}
-
-fn read_reflectance(value: Value<'_>) -> Option<Rgb> {
-    value.colour(&FRACTION).map(|colour| colour.as_vec3())
 }
 
 /// What is behind a dielectric surface.

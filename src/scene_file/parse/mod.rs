@@ -1,11 +1,15 @@
 //! The text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
 
+mod generate;
+mod glossy;
 mod lights;
 mod materials;
 mod names;
+mod objects;
 mod shapes;
 #[cfg(test)]
 mod tests;
+mod textures;
 mod transform;
 mod view;
 
@@ -141,10 +145,13 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
     let unit = table.or("unit", 1.0, read_unit).unwrap_or(1.0);
     let camera = section(&mut table, "camera").map(|camera| view::read_camera(camera, unit));
     let film = section(&mut table, "film").map_or(Some(view::default_film()), view::read_film);
-    let render = section(&mut table, "render").map_or(Some(Default::default()), view::read_render);
+    let render = section(&mut table, "render")
+        .map_or(Some(Default::default()), |table| view::read_render(table, unit));
     let (mut media, media_names) = materials::read_media(section(&mut table, "media"), unit);
-    let (mut materials, material_names) =
-        materials::read_materials(section(&mut table, "materials"), &media_names, &mut media, unit);
+    let (textures, texture_names) = textures::read_textures(section(&mut table, "textures"), unit);
+    let material_tables = section(&mut table, "materials");
+    let (mut materials, looks, material_names) =
+        materials::read_materials(material_tables, &media_names, &mut media, &texture_names, unit);
     let shape_tables = sections(&mut table, "shapes");
     if shape_tables.is_empty() && table.get("shapes").is_none() {
         context.error_of_file("the scene has no shapes", "add at least one `[[shapes]]` table");
@@ -154,8 +161,9 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
         materials.push(materials::implied_material(context));
     }
     let instances = shapes::read_instances(sections(&mut table, "instances"), &shapes.group_names, unit);
-    let lights = lights::read_lights(sections(&mut table, "lights"), unit);
+    let (lights, light_photons) = lights::read_lights(sections(&mut table, "lights"), unit);
     table.finish();
+    texture_names.warn_unused(context, "is used by no material");
     shapes.group_names.warn_unused(context, "is placed by no `[[instances]]`, so it is not in the picture");
     Some(SceneDescription {
         name: name?,
@@ -167,11 +175,14 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
         film: film?,
         render: render?,
         media,
+        textures,
         materials,
+        looks,
         shapes: shapes.shapes,
         groups: shapes.groups,
         instances,
         lights,
+        light_photons,
         warnings: Vec::new(),
     })
 }

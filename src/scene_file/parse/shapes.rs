@@ -1,11 +1,14 @@
 //! `[[shapes]]` and `[[instances]]`.
 
+use super::generate::{read_lathe, read_teapot};
 use super::names::Names;
+use super::objects::{Body, read_csg, read_flake, read_solid, read_terrain};
 use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
 use crate::scene_file::description::*;
+use crate::scene_file::is_mesh_file;
 use crate::scene_file::mesh::{is_degenerate, triangulate_polygon};
-use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, Table, Value};
+use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, SHARE, Table, Value};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
 
@@ -29,6 +32,12 @@ enum Kind {
     Sphere,
     Cylinder,
     Disc,
+    Lathe,
+    Teapot,
+    Body(Body),
+    Csg,
+    SphereFlake,
+    Terrain,
 }
 
 const KINDS: &[(&str, Kind)] = &[
@@ -37,6 +46,15 @@ const KINDS: &[(&str, Kind)] = &[
     ("sphere", Kind::Sphere),
     ("cylinder", Kind::Cylinder),
     ("disc", Kind::Disc),
+    ("lathe", Kind::Lathe),
+    ("teapot", Kind::Teapot),
+    ("box", Kind::Body(Body::Box)),
+    ("cone", Kind::Body(Body::Cone)),
+    ("torus", Kind::Body(Body::Torus)),
+    ("lens", Kind::Body(Body::Lens)),
+    ("csg", Kind::Csg),
+    ("sphere-flake", Kind::SphereFlake),
+    ("terrain", Kind::Terrain),
 ];
 
 pub(super) fn read_shapes(tables: Vec<Table<'_>>, materials: &Names, unit: f64) -> Shapes {
@@ -78,9 +96,16 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         Kind::Sphere => read_sphere(&mut table),
         Kind::Cylinder => read_cylinder(&mut table),
         Kind::Disc => read_disc(&mut table),
+        Kind::Lathe => read_lathe(&mut table),
+        Kind::Teapot => read_teapot(&mut table),
+        Kind::Body(body) => read_solid(&mut table, body),
+        Kind::Csg => read_csg(&mut table, materials),
+        Kind::SphereFlake => read_flake(&mut table),
+        Kind::Terrain => read_terrain(&mut table),
     };
     let transform = transform_of(&mut table);
     let flip_normal = table.or("flip-normal", false, |value| value.boolean());
+    let caustic_photons = table.or("caustic-photons", 1.0, |value| value.number(&SHARE));
     let emission = table.optional("emission", read_emission);
     // An emitter need not reflect anything, so only it may do without a material.
     let material = match (table.get("material"), &emission) {
@@ -88,6 +113,13 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         (None, Some(None)) => table.required("material", "\"NAME\"", |_| None),
         (None, _) => Some(materials.len()),
     };
+    let samples = matches!(kind, Kind::Mesh | Kind::Quad | Kind::Sphere | Kind::Cylinder | Kind::Disc);
+    if !samples && matches!(emission, Some(Some(_))) {
+        table.refuse::<()>(
+            format!("{} emits, and shapes of its type have no light sampling", table.title()),
+            "let a mesh, quad, sphere, cylinder or disc emit",
+        );
+    }
     let is_round = matches!(kind, Kind::Sphere | Kind::Cylinder | Kind::Disc);
     let emits = matches!(emission, Some(Some(_)));
     if is_round && emits && transform.is_some_and(|transform| !is_similarity(&transform)) {
@@ -103,6 +135,7 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         transform: DAffine3::from_scale(DVec3::splat(unit)) * transform?,
         flip_normal: flip_normal?,
         material: material?,
+        caustic_photons: caustic_photons?,
         emission: emission?,
         group: None,
     })
@@ -113,15 +146,16 @@ fn read_emission(value: Value<'_>) -> Option<EmissionDescription> {
         value.table("`emission`", "write for example `emission = { radiance = [10.0, 9.0, 8.0] }`")?;
     let radiance = table.required("radiance", "[10.0, 9.0, 8.0]", |value| value.colour(&NON_NEGATIVE));
     let two_sided = table.or("two-sided", false, |value| value.boolean());
+    let photons = table.or("photons", 1.0, |value| value.number(&SHARE));
     table.finish();
-    Some(EmissionDescription { radiance: radiance?, two_sided: two_sided? })
+    Some(EmissionDescription { radiance: radiance?, two_sided: two_sided?, photons: photons? })
 }
 
-fn read_point(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {
+pub(super) fn read_point(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {
     table.required(key, "[0.0, 1.0, 0.0]", |value| value.vector(&NUMBER))
 }
 
-fn read_radius(table: &mut Table<'_>) -> Option<f64> {
+pub(super) fn read_radius(table: &mut Table<'_>) -> Option<f64> {
     table.required("radius", "1.0", |value| value.number(&POSITIVE))
 }
 
@@ -175,7 +209,14 @@ fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
         let path = table.required("file", "", read_mesh_path);
         let normals = table.or("normals", MeshNormals::FromFile, |value| value.choice(&kinds));
         let fit = table.optional("fit", read_fit);
-        return Some(GeometryDescription::MeshFile { path: path?, normals: normals?, fit: fit? });
+        let own = [("one", false), ("file", true)];
+        let own_materials = table.or("materials", false, |value| value.choice(&own));
+        return Some(GeometryDescription::MeshFile {
+            path: path?,
+            normals: normals?,
+            own_materials: own_materials?,
+            fit: fit?,
+        });
     }
     if table.get("vertices").is_none() {
         return table.refuse(
@@ -195,7 +236,6 @@ fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
 /// Path of a mesh file, which must exist and be of a kind that can be read.
 fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
     let path = value.path()?;
-    let is_ply = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"));
     let shown = path.display();
     let context = value.context();
     if !path.exists() {
@@ -209,13 +249,14 @@ fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
         return None;
     }
     if !path.is_file() {
-        let remedy = "name a PLY file";
+        let remedy = "name a mesh file: .ply, .obj or .stl";
         context.error(&value.span(), format!("{shown} is a folder or not a regular file"), remedy);
         return None;
     }
-    if !is_ply {
-        let remedy = "convert it to PLY; the name of the file must end in `.ply`";
-        context.error(&value.span(), format!("{shown} is not a PLY file by its name"), remedy);
+    if !is_mesh_file(&path) {
+        let remedy =
+            "convert it to PLY, OBJ or STL; the name of the file must end in `.ply`, `.obj` or `.stl`";
+        context.error(&value.span(), format!("{shown} is no mesh by its name"), remedy);
         return None;
     }
     Some(path)
@@ -286,10 +327,49 @@ pub(super) fn read_instances(
         let location = table.location();
         let group = table.required("group", "\"NAME\"", |value| groups.find(value));
         let transform = transform_of(&mut table);
+        let offsets = table.or("repeat", vec![DVec3::ZERO], read_repeat);
         table.finish();
-        let (Some(name), Some(group), Some(transform)) = (name, group, transform) else { continue };
-        let value = InstanceDescription { group, transform: in_metres(transform, unit) };
-        instances.push(Named { name, location, value });
+        let (Some(name), Some(group), Some(transform), Some(offsets)) = (name, group, transform, offsets)
+        else {
+            continue;
+        };
+        for (number, offset) in offsets.iter().enumerate() {
+            // The name of the first is that of the table.
+            let name = if number == 0 { name.clone() } else { format!("{name} #{}", number + 1) };
+            let transform = in_metres(DAffine3::from_translation(*offset) * transform, unit);
+            let value = InstanceDescription { group, transform };
+            instances.push(Named { name, location: location.clone(), value });
+        }
     }
     instances
+}
+
+/// Copies that one `[[instances]]` may stand for.
+const MOST_COPIES: u64 = 1_000_000;
+
+/// Where the copies of an instance stand relative to the first, x fastest; lengths in the file's unit.
+fn read_repeat(value: Value<'_>) -> Option<Vec<DVec3>> {
+    const EXAMPLE: &str = "write for example `repeat = { count = [4, 1, 3], step = [1.0, 0.0, 2.0] }`";
+    let mut table = value.table("`repeat`", EXAMPLE)?;
+    let count = table.required("count", "[4, 1, 3]", |value| {
+        let counts: Vec<_> = value.list("three counts, along x, y and z", "[4, 1, 3]")?.collect();
+        let [x, y, z] = counts.as_slice() else {
+            return value.refuse("three counts, along x, y and z", EXAMPLE);
+        };
+        let [x, y, z] = [x, y, z].map(|count| count.integer(1..=MOST_COPIES));
+        let count = [x?, y?, z?];
+        if count.iter().product::<u64>() > MOST_COPIES {
+            return value.refuse(&format!("at most {MOST_COPIES} copies in all"), "ask for fewer copies");
+        }
+        Some(count)
+    });
+    let step = table.required("step", "[1.0, 0.0, 2.0]", |value| value.vector(&NUMBER));
+    table.finish();
+    let ([nx, ny, nz], step) = (count?, step?);
+    let along = move |n: u64| (0..n).map(|i| i as f64);
+    Some(
+        along(nz)
+            .flat_map(|z| along(ny).flat_map(move |y| along(nx).map(move |x| DVec3::new(x, y, z) * step)))
+            .collect(),
+    )
 }

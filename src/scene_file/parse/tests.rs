@@ -1,4 +1,5 @@
 use super::*;
+use crate::math::Rgb;
 use crate::photons::Kernel;
 use crate::render::Quality;
 use crate::scene_file::diagnostic::Diagnostic;
@@ -129,6 +130,59 @@ type = "environment"
 radiance = 0.5
 "#;
 
+/// A scene with one material and this text after it.
+fn with_white(rest: &str) -> String {
+    format!("[materials.w]\ntype = \"lambert\"\nreflectance = 0.5\n{rest}")
+}
+
+#[test]
+fn one_instance_stands_for_many() {
+    let ball = "[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"w\"\ngroup = \"g\"\n[[instances]]\ngroup = \"g\"\n";
+    let text = with_white(&format!(
+        "{ball}name = \"row\"\ntransform = [{{ translate = [1, 0, 0] }}]\nrepeat = {{ count = [3, 1, 2], step = [10, 5, -1] }}"
+    ));
+    let scene = parse(&text).unwrap();
+    let places: Vec<_> = scene.instances.iter().map(|i| i.value.transform.translation.to_array()).collect();
+    let row = |z: f64| [1.0, 11.0, 21.0].map(|x| [x, 0.0, z]);
+    assert_eq!(places, [row(0.0), row(-1.0)].concat());
+    assert_eq!(scene.instances[0].name, "row");
+    assert_eq!(scene.instances[5].name, "row #6");
+    for bad in [
+        "{ count = [0, 1, 1], step = [1, 1, 1] }",
+        "{ count = [2, 1], step = [1, 1, 1] }",
+        "{ count = [1000, 1000, 1000], step = [1, 1, 1] }",
+        "{ count = [2, 1, 1] }",
+    ] {
+        assert!(parse(&with_white(&format!("{ball}repeat = {bad}"))).is_err(), "{bad}");
+    }
+}
+
+#[test]
+fn lathes_and_teapots() {
+    let shape = |rest: &str| with_white(&format!("[[shapes]]\nmaterial = \"w\"\n{rest}"));
+    let good = [
+        "type = \"lathe\"\nprofile = [[1, 0], [1, 2]]",
+        "type = \"lathe\"\nprofile = [[0, 0], [1, 2], [1, 2], [0, 3]]\ncurve = \"smooth\"\nsteps = 2\nsegments = 5",
+        "type = \"teapot\"\ndivisions = 3",
+    ];
+    for text in good {
+        parse(&shape(text)).unwrap();
+    }
+    let bad = [
+        "type = \"lathe\"",
+        "type = \"lathe\"\nprofile = [[1, 0]]",
+        "type = \"lathe\"\nprofile = [[-1, 0], [1, 2]]",
+        "type = \"lathe\"\nprofile = [[0, 0], [0, 2]]",
+        "type = \"lathe\"\nprofile = [[1, 0], [1, 0]]",
+        "type = \"lathe\"\nprofile = [[1, 0, 0], [1, 2, 0]]",
+        "type = \"lathe\"\nprofile = [[1, 0], [1, 2]]\nsegments = 2",
+        "type = \"teapot\"\ndivisions = 10000",
+    ];
+    for text in bad {
+        assert!(parse(&shape(text)).is_err(), "{text}");
+    }
+}
+
 #[test]
 fn a_file_that_says_everything() {
     let scene = parse(GOOD).unwrap();
@@ -148,8 +202,14 @@ fn a_file_that_says_everything() {
     let materials: Vec<_> = scene.materials.iter().map(|material| material.name.as_str()).collect();
     assert_eq!(materials, ["white", "metal", "glass", "pool", "black (implied)"]);
     assert!(matches!(scene.materials[0].value, MaterialDescription::Lambert { two_sided: false, .. }));
-    assert!(matches!(scene.materials[2].value, MaterialDescription::Dielectric { inside: 2, outside: 0 }));
-    assert!(matches!(scene.materials[3].value, MaterialDescription::Dielectric { inside: 1, outside: 0 }));
+    assert!(matches!(
+        scene.materials[2].value,
+        MaterialDescription::Dielectric { inside: 2, outside: 0, .. }
+    ));
+    assert!(matches!(
+        scene.materials[3].value,
+        MaterialDescription::Dielectric { inside: 1, outside: 0, .. }
+    ));
     assert_eq!(scene.groups.len(), 1);
     assert_eq!((scene.shapes.len(), scene.lights.len(), scene.instances.len()), (5, 3, 1));
     assert_eq!(scene.shapes[1].location.to_string(), "scenes/s.toml:53:1");
@@ -168,6 +228,25 @@ fn a_file_that_says_everything() {
 }
 
 #[test]
+fn shares_of_photons() {
+    let text = format!(
+        "[camera]\neye = [0.1, 0.7, 3.3]\nat = [0, 0, 0.3]\n{WHITE}{BALL}caustic-photons = 3.0\n\
+         emission = {{ radiance = 1.0, photons = 0.5 }}\n\
+         [[lights]]\ntype = \"point\"\nposition = [0, 1, 0]\npower = 1.0\nphotons = 2.0\n"
+    );
+    let scene = parse(&text).unwrap();
+    let ball = &scene.shapes[0].value;
+    assert_eq!((ball.caustic_photons, ball.emission.unwrap().photons), (3.0, 0.5));
+    assert_eq!(scene.light_photons, [2.0]);
+    for (from, to) in
+        [("photons = 2.0", "photons = 0.0"), ("photons = 0.5", "photons = -1"), ("= 3.0", "= 1e7")]
+    {
+        let refused = parse(&text.replace(from, to)).unwrap_err().to_string();
+        assert!(refused.contains("a number from 1e-6 to 1e6"), "{refused}");
+    }
+}
+
+#[test]
 fn a_unit_that_is_a_power_of_two_keeps_every_bit() {
     let text = |unit: f64| {
         format!(
@@ -182,6 +261,48 @@ fn a_unit_that_is_a_power_of_two_keeps_every_bit() {
         let (a, b) = (one.shapes[0].value.transform, other.shapes[0].value.transform);
         assert_eq!(a.translation * unit, b.translation);
         assert_eq!(a.matrix3 * unit, b.matrix3);
+    }
+}
+
+#[test]
+fn glossy_materials() {
+    use crate::bsdf::{Bsdf, Form, Ward};
+    use crate::scene::Tangent;
+    let material = |text: &str| {
+        parse(&format!("[materials.m]\n{text}\n{WHITE}{BALL}")).map(|scene| scene.materials[0].value.clone())
+    };
+    let ward = material(
+        "type = \"ward\"\ndiffuse = 0.25\nspecular = [0.5, 0.25, 0.125]\nroughness = [0.25, 0.5]\ntangent-around = [0, 3, 0]",
+    );
+    let Ok(MaterialDescription::Glossy { bsdf, two_sided: true, tangent }) = ward else { panic!("{ward:?}") };
+    let (diffuse, gloss) = (Rgb::splat(0.25), Rgb::new(0.5, 0.25, 0.125));
+    assert_eq!(bsdf, Bsdf::Ward(Ward::new(diffuse, gloss, [0.25, 0.5], Form::Bounded)));
+    assert_eq!(tangent, Some(Tangent::Around(glam::Vec3::Y)));
+    for good in [
+        "type = \"schlick\"\ncolour = 0.5\nroughness = 0",
+        "type = \"schlick\"\ncolour = 0.5\nroughness = 0.1\nisotropy = 0.1\nform = \"printed\"\ntangent = [1, 0, 0]",
+        "type = \"conductor\"\nmetal = \"gold\"",
+        "type = \"conductor\"\neta = [0.2, 0.9, 1.1]\nk = 3\nroughness = 0.1\ntwo-sided = false",
+        "type = \"conductor\"\ncolour = 0.9\nroughness = [0.1, 0.1]",
+        "type = \"dielectric\"\nior = 1.5\nroughness = 0.2",
+    ] {
+        assert!(material(good).is_ok(), "{good}");
+    }
+    for (bad, says) in [
+        ("type = \"schlick\"\ncolour = 0.5", "roughness"),
+        ("type = \"schlick\"\ncolour = 0.5\nroughness = 0.1\nisotropy = 0.1", "tangent-around"),
+        ("type = \"ward\"\ndiffuse = 0.6\nspecular = 0.5\nroughness = 0.1", "at most 1"),
+        ("type = \"ward\"\nspecular = 0.5\nroughness = 0", "mirror"),
+        ("type = \"ward\"\nspecular = 0.5\nroughness = [0.1, 0.2, 0.3]\ntangent = [1, 0, 0]", "[0.3, 0.05]"),
+        ("type = \"conductor\"\nroughness = 0.1", "metal = \"gold\""),
+        ("type = \"conductor\"\nmetal = \"gold\"\ncolour = 0.5", "metal = \"gold\""),
+        ("type = \"conductor\"\nmetal = \"god\"", "gold"),
+        ("type = \"conductor\"\ncolour = 1\nroughness = [0.1, 0.2]\ntangent = [0, 0, 0]", "length"),
+        ("type = \"conductor\"\ncolour = 1\ntangent = [0, 0, 1]\ntangent-around = [0, 0, 1]", "one of them"),
+        ("type = \"dielectric\"\nior = 1.5\nroughness = 2", "from 0 to 1"),
+    ] {
+        let message = material(bad).unwrap_err().to_string();
+        assert!(message.contains(says), "{bad}: {message}");
     }
 }
 
@@ -471,7 +592,10 @@ fn paths_are_relative_to_the_file_or_to_the_current_directory() {
     let message = path_of(&text("."), &[]).unwrap_err().to_string();
     assert!(message.contains("is a folder"), "{message}");
     let message = path_of(&text("${mesh}"), &[set("mesh", "Cargo.toml")]).unwrap_err().to_string();
-    assert!(message.contains("Cargo.toml is not a PLY file") && message.contains("convert"), "{message}");
+    assert!(
+        message.contains("Cargo.toml is no mesh by its name") && message.contains("convert"),
+        "{message}"
+    );
 }
 
 #[test]

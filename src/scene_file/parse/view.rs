@@ -2,7 +2,7 @@
 
 use crate::math::unit_f64;
 use crate::photons::{Estimator, Kernel, SearchRegion};
-use crate::render::{IntegratorKind, MapKind, Overrides, Quality};
+use crate::render::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, ShadowMode, Show};
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
 use glam::DVec3;
@@ -27,6 +27,12 @@ const STOPS: Expected =
     Expected { what: "a number of stops from -100 to 100", example: "1.0", holds: |x| x.abs() <= 100.0 };
 const CONE_CONSTANT: Expected =
     Expected { what: "a number from 1 to 1000", example: "1.1", holds: |x| (1.0..=1000.0).contains(&x) };
+const CACHE_ERROR: Expected =
+    Expected { what: "a number from 0.01 to 1", example: "0.2", holds: |x| (0.01..=1.0).contains(&x) };
+const SHARE: Expected =
+    Expected { what: "a share from 0 to 1", example: "0.02", holds: |x| (0.0..=1.0).contains(&x) };
+
+const RADIUS: Expected = Expected { what: "a length above zero", example: "0.01", holds: |x| x > 0.0 };
 
 pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescription> {
     let context = table.context();
@@ -132,10 +138,15 @@ const INTEGRATORS: &[(&str, IntegratorKind)] = &[
     ("path", IntegratorKind::Path),
 ];
 const MAPS: &[(&str, MapKind)] = &[("global", MapKind::Global), ("caustic", MapKind::Caustic)];
+const GUIDES: &[(&str, GuideKind)] = &[("none", GuideKind::None), ("photons", GuideKind::Photons)];
 const ESTIMATORS: &[(&str, Estimator)] =
     &[("as-printed", Estimator::AsPrinted), ("corrected", Estimator::Corrected)];
 const SEARCH_REGIONS: &[(&str, SearchRegion)] =
     &[("sphere", SearchRegion::Sphere), ("disc", SearchRegion::Disc)];
+
+const SHADOW_MODES: &[(&str, ShadowMode)] =
+    &[("off", ShadowMode::Off), ("as-printed", ShadowMode::AsPrinted), ("bounded", ShadowMode::Bounded)];
+const SHOWS: &[(&str, Show)] = &[("radiance", Show::Radiance), ("classes", Show::Classes)];
 
 /// Filter constant of the cone where none is given: as in the presets.
 const DEFAULT_CONE: f32 = 1.0;
@@ -146,10 +157,11 @@ const KERNELS: &[(&str, Kernel)] = &[
     ("gaussian", Kernel::Gaussian),
 ];
 
-/// Settings under the names of the command line's options.
-pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
+/// Settings under the names of the command line's options. Lengths are in units of `unit` metres.
+pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> {
     const MANY: u64 = 1 << 24;
     const PHOTONS: u64 = 1 << 40;
+    const SHADOW_RAYS: u64 = 1 << 30;
     let count = |low: u64, high: u64| {
         move |value: Value<'_>| value.integer(low..=high).and_then(|count| u32::try_from(count).ok())
     };
@@ -163,14 +175,29 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
     let caustic_photons = table.optional("caustic-photons", photons);
     let global_nearest = table.optional("global-nearest", count(1, MANY));
     let caustic_nearest = table.optional("caustic-nearest", count(1, MANY));
+    let global_radius = table.optional("global-radius", |value| value.number(&RADIUS).map(|r| r * unit));
+    let caustic_radius = table.optional("caustic-radius", |value| value.number(&RADIUS).map(|r| r * unit));
     let kernel = read_kernel(&mut table);
     let estimator = table.optional("estimator", |value| value.choice(ESTIMATORS));
     let search = table.optional("search", |value| value.choice(SEARCH_REGIONS));
+    let aim_photons = table.optional("aim-photons", |value| value.boolean());
+    let differential_check = table.optional("differential-check", |value| value.boolean());
     let gather_samples = table.optional("gather-samples", count(1, MANY));
+    let glossy_samples = table.optional("glossy-samples", count(1, MANY));
+    let guide = table.optional("guide", |value| value.choice(GUIDES));
     let visible_kernel = table.optional("visible-kernel", |value| value.boolean());
+    let shadow_photons = table.optional("shadow-photons", |value| value.choice(SHADOW_MODES));
+    let shadow_photon_rays = table.optional("shadow-photon-rays", |value| value.integer(0..=SHADOW_RAYS));
+    let show = table.optional("show", |value| value.choice(SHOWS));
     let precomputed_irradiance = table.optional("precomputed-irradiance", |value| value.boolean());
     let light_samples = table.optional("light-samples", count(1, MANY));
     let max_depth = table.optional("max-depth", count(1, MANY));
+    let share = |limits: &'static Expected| move |value: Value<'_>| value.number(limits).map(|x| x as f32);
+    let irradiance_cache = table.optional("irradiance-cache", |value| value.boolean());
+    let cache_error = table.optional("cache-error", share(&CACHE_ERROR));
+    let cache_samples = table.optional("cache-samples", count(4, MANY));
+    let accurate_distance = table.optional("accurate-distance", share(&SHARE));
+    let approximate_weight = table.optional("approximate-weight", share(&SHARE));
     table.finish();
     Some(Overrides {
         quality: quality?,
@@ -180,16 +207,32 @@ pub(super) fn read_render(mut table: Table<'_>) -> Option<Overrides> {
         spp: spp?,
         global_photons: global_photons?,
         caustic_photons: caustic_photons?,
+        // The memory of a machine is none of a scene's business.
+        photons_memory: None,
         global_nearest: global_nearest?,
         caustic_nearest: caustic_nearest?,
+        global_radius: global_radius?,
+        caustic_radius: caustic_radius?,
         kernel: kernel?,
         estimator: estimator?,
         search: search?,
+        aim_photons: aim_photons?,
+        differential_check: differential_check?,
         gather_samples: gather_samples?,
+        glossy_samples: glossy_samples?,
+        guide: guide?,
         visible_kernel: visible_kernel?,
+        shadow_photons: shadow_photons?,
+        shadow_photon_rays: shadow_photon_rays?,
+        show: show?,
         precomputed_irradiance: precomputed_irradiance?,
         light_samples: light_samples?,
         max_depth: max_depth?,
+        irradiance_cache: irradiance_cache?,
+        cache_error: cache_error?,
+        cache_samples: cache_samples?,
+        accurate_distance: accurate_distance?,
+        approximate_weight: approximate_weight?,
     })
 }
 
@@ -228,7 +271,10 @@ mod tests {
         check(QUALITIES);
         check(INTEGRATORS);
         check(MAPS);
+        check(GUIDES);
         check(ESTIMATORS);
         check(SEARCH_REGIONS);
+        check(SHADOW_MODES);
+        check(SHOWS);
     }
 }

@@ -335,6 +335,7 @@ fn what_cannot_be_used_is_dropped_and_counted() {
         degenerate_triangles: 2,
         unusable_normals: 3,
         unusable_uvs: 2,
+        other_elements: 0,
         trailing_bytes: 18,
     };
     assert_eq!(report, expected);

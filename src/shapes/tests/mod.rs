@@ -1,5 +1,6 @@
 mod double_double;
 mod intersection;
+mod objects;
 mod sampling;
 
 use crate::sampling::Rng;

@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Prints docs/results.md: everything measured anew on this machine. Takes about a quarter of an hour when nothing else runs.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+cat <<END
+# Results
+
+Written by \`make results\`; $(date +%Y-%m-%d), $(nproc) threads of an $(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1),
+$(target/release/cardioid --version). Pictures of 256 x 256 pixels of the three reference scenes. *Error* is free of
+the reference's noise: mean((t - r1)(t - r2) / (r^2 + 0.01)) with the two halves r1, r2 of the reference; *999* is relMSE
+without the worst 0.1 % of the pixels; *bias* the difference of mean luminance.
+
+## Time against error
+
+Wall seconds of whole processes, medians of runs that take turns with those of POV-Ray 3.7, where that is installed.
+
+END
+benches/peers/run.sh "${1:-3}"
+cat <<END
+
+## What each mechanism costs and buys
+
+At \`preview\`, everything else the same. Seconds of the processor, all threads. Pictures of one seed: differences below a
+tenth are noise.
+
+END
+benches/ablation.sh
+cat <<'END'
+
+How to read it:
+
+- **Projection maps** matter where casters fill little of what a light sees.
+- **The irradiance cache** halves the time of the diffuse box and its error too, since each of its places is gathered with hundreds of
+  rays.
+- **Guided directions** lower the noise of indirect light at equal samples; in the Cornell box direct light makes most of the noise.
+  They pay where indirect light comes from few directions: `scenes/door.toml`, `benches/guide.rs`.
+- **Shadow photons** save shadow rays, which are cheap here: [shadow-photons.md](shadow-photons.md).
+- **Differential checking** sharpens edges and shortens smooth slopes too, so that the error of the ring's caustic grows.
+END

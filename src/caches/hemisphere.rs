@@ -1,0 +1,305 @@
+//! Irradiance and its gradients from one stratified hemisphere of rays.
+
+use crate::math::Rgb;
+use crate::sampling::Rng;
+use glam::{DVec2, DVec3, Mat3, Vec2, Vec3};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// What a ray brought.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// Radiance that arrives.
+    pub radiance: Rgb,
+    /// Distance of the first surface; infinite where there is none.
+    pub nearest: f32,
+    /// Length of the whole way, through specular surfaces, to what sends the radiance: by it what is seen shifts when the
+    /// eye moves. Infinite where there is nothing.
+    pub distance: f32,
+}
+
+impl Seen {
+    /// A direction from which nothing comes.
+    pub const NOTHING: Self = Self { radiance: Rgb::ZERO, nearest: f32::INFINITY, distance: f32::INFINITY };
+}
+
+/// Irradiance at a place, how it changes around it, and how far away what it comes from is.
+#[derive(Clone, Copy, Debug)]
+pub struct Irradiance {
+    /// Irradiance in W m^-2, cosine included.
+    pub value: Rgb,
+    /// Translational gradient: change of irradiance for each unit of length along x, y, z, as columns. Zero along z.
+    pub shift: Mat3,
+    /// Rotational gradient: change for each unit by which the tip of the normal moves along x, y, z. Ward & Heckbert write
+    /// the same with the axis of the rotation in place of the way of the tip. Zero along z.
+    pub tilt: Mat3,
+    /// Harmonic mean of the distances to the first surfaces, over directions in proportion to their cosine.
+    pub harmonic: f32,
+    /// The least of them.
+    pub nearest: f32,
+}
+
+impl Irradiance {
+    /// The same with its gradients turned from a local frame into the space in which `frame` has these axes as columns.
+    pub fn turned(self, frame: Mat3) -> Self {
+        Self { shift: self.shift * frame.transpose(), tilt: self.tilt * frame.transpose(), ..self }
+    }
+}
+
+/// Strata of a hemisphere, each of which holds the same share of the cosine-weighted solid angle: rows of polar angle
+/// by columns of azimuth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hemisphere {
+    rows: usize,
+    columns: usize,
+}
+
+/// One stratum: what is seen there, and the inverse of its distance.
+#[derive(Clone, Copy, Default)]
+struct Cell {
+    radiance: DVec3,
+    inverse_distance: f64,
+}
+
+impl Hemisphere {
+    /// About so many strata, pi times more columns than rows, as Ward & Heckbert advise; the count of columns is even.
+    pub fn with_rays(rays: u32) -> Self {
+        let rays = f64::from(rays.clamp(4, 1 << 20));
+        let rows = ((rays / PI).sqrt().round() as usize).max(1);
+        let columns = ((rays / rows as f64 / 2.0).round() as usize).max(2) * 2;
+        Self { rows, columns }
+    }
+
+    /// Count of rays.
+    pub fn len(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// Never.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Sends one ray through each stratum: `look` takes its direction around +z and one number in `[0, 1)` for choices on
+    /// the way, and says what it sees.
+    ///
+    /// The gradients are those of section 3 of Ward & Heckbert 1992. A uniform hemisphere gives gradients of exactly
+    /// zero.
+    pub fn gather(&self, rng: &mut Rng, mut look: impl FnMut(Vec3, f32) -> Seen) -> Irradiance {
+        let (m, n) = (self.rows, self.columns);
+        let mut cells = vec![Cell::default(); m * n];
+        let (mut sum, mut inverse, mut nearest) = (DVec3::ZERO, 0.0, f32::INFINITY);
+        for (index, cell) in cells.iter_mut().enumerate() {
+            let (j, k) = (index / n, index % n);
+            let u = rng.next_2d();
+            // Square of the sine: uniform for directions in proportion to their cosine. Below one by more than rounding.
+            let sin_squared = ((j as f32 + u.x) / m as f32).min(1.0 - f32::EPSILON);
+            let azimuth = Vec2::from_angle(std::f32::consts::TAU * (k as f32 + u.y) / n as f32);
+            let direction = (azimuth * sin_squared.sqrt()).extend((1.0 - sin_squared).sqrt());
+            let seen = look(direction, rng.next_f32());
+            *cell = Cell {
+                radiance: seen.radiance.as_dvec3(),
+                inverse_distance: f64::from(1.0 / seen.distance.max(f32::MIN_POSITIVE)),
+            };
+            sum += cell.radiance;
+            inverse += f64::from(1.0 / seen.nearest.max(f32::MIN_POSITIVE));
+            nearest = nearest.min(seen.nearest);
+        }
+        let count = (m * n) as f64;
+        Irradiance {
+            value: (sum * (PI / count)).as_vec3(),
+            shift: columns(self.shift(&cells)),
+            tilt: columns(self.tilt(&cells)),
+            harmonic: (count / inverse) as f32,
+            nearest,
+        }
+    }
+
+    /// Derivatives along x and y by the shift of the borders between strata: as the eye moves by `d`, a border at
+    /// distance `r` moves by `d / r` across the line of sight, and one side gains what the other loses. The nearer of the
+    /// two surfaces has the border.
+    fn shift(&self, cells: &[Cell]) -> [DVec3; 2] {
+        let (m, n) = (self.rows, self.columns);
+        let mut gradient = [DVec3::ZERO; 2];
+        let mut add = |direction: DVec2, change: DVec3| {
+            gradient[0] += direction.x * change;
+            gradient[1] += direction.y * change;
+        };
+        let border =
+            |a: &Cell, b: &Cell| (a.radiance - b.radiance) * a.inverse_distance.max(b.inverse_distance);
+        for k in 0..n {
+            let turn = TAU / n as f64;
+            let middle = DVec2::from_angle((k as f64 + 0.5) * turn);
+            let side = DVec2::from_angle(k as f64 * turn).perp();
+            let before = (k + n - 1) % n;
+            let (mut outward, mut across) = (DVec3::ZERO, DVec3::ZERO);
+            for j in 0..m {
+                let cell = &cells[j * n + k];
+                let low = (j as f64 / m as f64).sqrt();
+                let high = ((j + 1) as f64 / m as f64).sqrt();
+                if j > 0 {
+                    // sin cos^2 of the polar angle of the border.
+                    outward += border(cell, &cells[(j - 1) * n + k]) * (low * (1.0 - low * low));
+                }
+                across += border(cell, &cells[j * n + before]) * (high - low);
+            }
+            add(middle, outward * turn);
+            add(side, across);
+        }
+        gradient
+    }
+
+    /// Derivatives by the tilt of the normal towards x and y: each direction changes by the tangent of its angle, times its
+    /// cosine-weighted share.
+    fn tilt(&self, cells: &[Cell]) -> [DVec3; 2] {
+        let (m, n) = (self.rows, self.columns);
+        // Integral of tan over sin^2.
+        let primitive = |u: f64| u.sqrt().min(1.0).asin() - (u * (1.0 - u)).max(0.0).sqrt();
+        let mut gradient = [DVec3::ZERO; 2];
+        for k in 0..n / 2 {
+            let direction = DVec2::from_angle((k as f64 + 0.5) * TAU / n as f64);
+            let mut sum = DVec3::ZERO;
+            for j in 0..m {
+                let tangent = primitive((j + 1) as f64 / m as f64) - primitive(j as f64 / m as f64);
+                // Opposite columns together, so that equal ones leave nothing.
+                sum += (cells[j * n + k].radiance - cells[j * n + k + n / 2].radiance) * tangent;
+            }
+            sum *= PI / n as f64;
+            gradient[0] += direction.x * sum;
+            gradient[1] += direction.y * sum;
+        }
+        debug_assert!(primitive(1.0) <= FRAC_PI_2 + 1e-12);
+        gradient
+    }
+}
+
+fn columns([x, y]: [DVec3; 2]) -> Mat3 {
+    Mat3::from_cols(x.as_vec3(), y.as_vec3(), Vec3::ZERO)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::Stream;
+
+    fn rng(index: u64) -> Rng {
+        Rng::new(1, Stream::Measure, index)
+    }
+
+    #[test]
+    fn strata() {
+        for rays in [0, 1, 16, 64, 128, 256, 500, 2000] {
+            let hemisphere = Hemisphere::with_rays(rays);
+            assert_eq!(hemisphere.columns % 2, 0);
+            let off = hemisphere.len() as f64 / f64::from(rays.max(4));
+            assert!((0.8..1.25).contains(&off), "{rays}: {hemisphere:?}");
+        }
+    }
+
+    #[test]
+    fn a_uniform_hemisphere_is_exact_and_flat() {
+        let radiance = Rgb::new(0.3, 1.7, 1e-3);
+        for rays in [16, 100, 256, 1000] {
+            for index in 0..20 {
+                let mut distances = rng(1000 + index);
+                let found = Hemisphere::with_rays(rays).gather(&mut rng(index), |direction, u| {
+                    assert!(direction.z > 0.0 && (direction.length() - 1.0).abs() < 1e-5 && u < 1.0);
+                    let r = 0.1 + distances.next_f32();
+                    Seen { radiance, nearest: r, distance: r }
+                });
+                assert_eq!(found.shift, Mat3::ZERO);
+                assert_eq!(found.tilt, Mat3::ZERO);
+                let want = (radiance.as_dvec3() * PI).as_vec3();
+                assert!(((found.value - want) / want).abs().max_element() < 1e-6);
+                assert!(found.nearest >= 0.1 && found.harmonic > found.nearest && found.harmonic < 1.1);
+            }
+        }
+    }
+
+    /// Irradiance of a disc of `radius` and radiance 1 at height `h`, parallel to the receiver, whose axis passes `x` away:
+    /// closed form of the form factor (Naraghi & Chung 1982).
+    fn disc_above(x: f64, h: f64, radius: f64) -> f64 {
+        let (r, d) = (radius / h, x / h);
+        let z = 1.0 + d * d - r * r;
+        0.5 * PI * (1.0 - z / (z * z + 4.0 * r * r).sqrt())
+    }
+
+    /// Looks up from `(x, 0, 0)` at that disc, around which there is nothing.
+    fn look_at_disc(x: f64, h: f64, radius: f64) -> impl Fn(Vec3, f32) -> Seen {
+        move |direction, _| {
+            let d = direction.as_dvec3();
+            let t = h / d.z;
+            let at = DVec2::new(x + d.x * t, d.y * t);
+            if at.length() < radius {
+                Seen { radiance: Rgb::ONE, nearest: t as f32, distance: t as f32 }
+            } else {
+                Seen::NOTHING
+            }
+        }
+    }
+
+    /// Mean over many hemispheres: gradients of one of them are noisy.
+    fn mean(rays: u32, count: u64, look: impl Fn(Vec3, f32) -> Seen) -> (f64, [f64; 2], [f64; 2]) {
+        let (mut value, mut shift, mut tilt) = (0.0, [0.0; 2], [0.0; 2]);
+        for index in 0..count {
+            let found = Hemisphere::with_rays(rays).gather(&mut rng(index), &look);
+            let part = |v: f32| f64::from(v) / count as f64;
+            value += part(found.value.x);
+            shift = [shift[0] + part(found.shift.x_axis.x), shift[1] + part(found.shift.y_axis.x)];
+            tilt = [tilt[0] + part(found.tilt.x_axis.x), tilt[1] + part(found.tilt.y_axis.x)];
+        }
+        (value, shift, tilt)
+    }
+
+    #[test]
+    fn translational_gradient_is_the_derivative_of_the_closed_form() {
+        let (h, radius) = (1.0, 0.6);
+        for x in [0.3, 0.8, 1.5] {
+            let step = 1e-4;
+            let want = (disc_above(x + step, h, radius) - disc_above(x - step, h, radius)) / (2.0 * step);
+            let (value, [dx, dy], _) = mean(5000, 100, look_at_disc(x, h, radius));
+            println!("at {x}: irradiance {value} {}, gradient {dx} {want}, {dy}", disc_above(x, h, radius));
+            assert!((value / disc_above(x, h, radius) - 1.0).abs() < 0.01);
+            assert!((dx / want - 1.0).abs() < 0.05 && dy.abs() < 0.02 * want.abs(), "{dx} {dy} {want}");
+        }
+    }
+
+    #[test]
+    fn rotational_gradient_is_the_derivative_of_the_closed_form() {
+        // A sphere above the horizon lights with pi (r/d)^2 cos, whatever its place.
+        let (centre, radius) = (DVec3::new(0.8, 0.0, 1.4), 0.5);
+        let look = |direction: Vec3, _: f32| {
+            let along = direction.as_dvec3().dot(centre);
+            let off = centre.length_squared() - along * along;
+            if along > 0.0 && off < radius * radius {
+                Seen { radiance: Rgb::ONE, nearest: 1.0, distance: 1.0 }
+            } else {
+                Seen::NOTHING
+            }
+        };
+        let strength = PI * radius * radius / centre.length_squared();
+        let toward = centre.normalize();
+        let (value, _, [dx, dy]) = mean(256, 1000, look);
+        println!(
+            "irradiance {value}, want {}; tilt {dx} {dy}, want {}",
+            strength * toward.z,
+            strength * toward.x
+        );
+        assert!((value / (strength * toward.z) - 1.0).abs() < 0.01);
+        assert!((dx / (strength * toward.x) - 1.0).abs() < 0.03 && dy.abs() < 0.02 * dx);
+    }
+
+    #[test]
+    fn a_wall_is_as_far_as_its_harmonic_mean() {
+        // A plane x = 2, infinitely high: mean of sin cos(phi) / 2 over half of the directions is 2/3 / pi / 2.
+        let look = |direction: Vec3, _: f32| {
+            let r = if direction.x > 0.0 { 2.0 / direction.x } else { f32::INFINITY };
+            Seen { radiance: Rgb::ZERO, nearest: r, distance: r }
+        };
+        let found = Hemisphere::with_rays(4000).gather(&mut rng(0), look);
+        let want = 2.0 * 1.5 * PI;
+        assert!((f64::from(found.harmonic) / want - 1.0).abs() < 0.02, "{}", found.harmonic);
+        assert!((2.0..2.1).contains(&found.nearest));
+        let empty = Hemisphere::with_rays(64).gather(&mut rng(0), |_, _| Seen::NOTHING);
+        assert!(empty.harmonic == f32::INFINITY && empty.value == Rgb::ZERO && empty.shift == Mat3::ZERO);
+    }
+}

@@ -1,0 +1,434 @@
+//! The cache: records, how far each reaches, and the interpolation between them.
+
+use super::hemisphere::Irradiance;
+use super::neighbours::Neighbours;
+use super::octree::Octree;
+use crate::math::Rgb;
+use crate::media::MediumId;
+use glam::{Mat3, Vec3};
+
+/// How much farther a record reaches when a picture is read from the cache than when the cache is filled, so that places
+/// have several records around them and no record ends with a step.
+const OVERLAP: f32 = 1.4;
+
+/// Least reach of a record in pixels, and as a share of the scene's radius; the smaller of the two counts. Near other surfaces
+/// half of that is enough.
+const LEAST_REACH: (f32, f32) = (2.0, 0.02);
+
+/// Largest reach of a record, in the same measures.
+const LARGEST_REACH: (f32, f32) = (20.0, 0.2);
+
+/// Height over or under the plane of a record, as a share of its reach, from which on a place is another surface.
+const LARGEST_STEP: f32 = 0.1;
+
+/// How a cache is filled and read.
+#[derive(Clone, Copy, Debug)]
+pub struct CacheSettings {
+    /// Largest error of an interpolation after Ward, Rubinstein & Clear 1988, their `a`: distance over harmonic mean
+    /// distance, plus `sqrt(1 - cos)` of the angle between the normals.
+    pub error: f32,
+    /// Centre and radius of the scene.
+    pub bounds: (Vec3, f32),
+}
+
+/// A place where irradiance may be wanted.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Where.
+    pub position: Vec3,
+    /// Unit shading normal, on the side that is lit.
+    pub normal: Vec3,
+    /// What the place lies in.
+    pub medium: MediumId,
+    /// Side of a pixel as projected there.
+    pub footprint: f32,
+}
+
+/// Irradiance at a place.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// Where.
+    pub place: Place,
+    /// The irradiance, gradients in the space of the position.
+    pub irradiance: Irradiance,
+}
+
+/// What decides whether a record is used at a place.
+#[derive(Clone, Copy, Debug)]
+struct Reach {
+    position: Vec3,
+    radius: f32,
+    normal: Vec3,
+    medium: MediumId,
+}
+
+/// Which records reach a place.
+#[derive(Clone, Debug)]
+struct Reaches {
+    settings: CacheSettings,
+    tree: Octree,
+    all: Vec<Reach>,
+}
+
+impl Reaches {
+    fn new(settings: CacheSettings) -> Self {
+        let (centre, radius) = settings.bounds;
+        // Larger than the scene by what rounding may do to a hit on its border.
+        Self { settings, tree: Octree::new(centre, radius * 1.01), all: Vec::new() }
+    }
+
+    fn push(&mut self, place: &Place, radius: f32) {
+        let Place { position, normal, medium, .. } = *place;
+        let index = self.all.len() as u32;
+        self.all.push(Reach { position, radius, normal, medium });
+        let all = &self.all;
+        let sphere_of = |i: u32| (all[i as usize].position, all[i as usize].radius);
+        self.tree.insert(index, (position, radius), sphere_of);
+    }
+
+    /// Whether a record is near enough that none more is needed.
+    fn covers(&self, position: Vec3, normal: Vec3, medium: MediumId) -> bool {
+        self.tree.at(position).iter().any(|&index| {
+            self.relative_error(&self.all[index as usize], position, normal, medium)
+                .is_some_and(|error| error * OVERLAP < 1.0)
+        })
+    }
+
+    /// Error of the record at a place in units of the largest that is read; `None` where it is more than one, or the
+    /// record is of another surface.
+    #[inline]
+    fn relative_error(&self, reach: &Reach, position: Vec3, normal: Vec3, medium: MediumId) -> Option<f32> {
+        let offset = position - reach.position;
+        let distance_squared = offset.length_squared();
+        if !(distance_squared < reach.radius * reach.radius) || medium != reach.medium {
+            return None;
+        }
+        let turned = (1.0 - normal.dot(reach.normal)).max(0.0);
+        let error = distance_squared.sqrt() / reach.radius + turned.sqrt() / (OVERLAP * self.settings.error);
+        if error >= 1.0 {
+            return None;
+        }
+        // In front of the record or behind it, as on the next step of a stair. Along a curved surface the mean normal is
+        // at right angles to the way.
+        let step = 0.5 * offset.dot(normal + reach.normal);
+        (step.abs() <= LARGEST_STEP * reach.radius).then_some(error)
+    }
+
+    /// How far a record reaches when it is read: by the error allowed, within limits of what a pixel shows, and no
+    /// farther than the nearest surface it saw, behind which it knows nothing, but for about a pixel.
+    fn radius(&self, place: &Place, harmonic: f32, nearest: f32) -> f32 {
+        let limit =
+            |(pixels, share): (f32, f32)| (pixels * place.footprint).min(share * self.settings.bounds.1);
+        let low = limit(LEAST_REACH);
+        let allowed = (self.settings.error * harmonic).clamp(low, limit(LARGEST_REACH).max(low));
+        (OVERLAP * allowed).min(nearest.max(0.5 * low))
+    }
+}
+
+/// What is interpolated.
+#[derive(Clone, Copy, Debug)]
+struct Linear {
+    value: Rgb,
+    shift: Mat3,
+    tilt: Mat3,
+}
+
+/// Irradiance on Lambertian surfaces, to be interpolated. Immutable; made by [`Filling`].
+#[derive(Clone, Debug)]
+pub struct IrradianceCache {
+    reaches: Reaches,
+    linears: Vec<Linear>,
+}
+
+impl IrradianceCache {
+    fn new(settings: CacheSettings) -> Self {
+        Self { reaches: Reaches::new(settings), linears: Vec::new() }
+    }
+
+    /// Count of records.
+    pub fn len(&self) -> usize {
+        self.linears.len()
+    }
+
+    /// True where there is no record.
+    pub fn is_empty(&self) -> bool {
+        self.linears.is_empty()
+    }
+
+    /// Positions of the records and how far each reaches, in the order in which they were accepted.
+    pub fn reaches(&self) -> impl ExactSizeIterator<Item = (Vec3, f32)> {
+        self.reaches.all.iter().map(|reach| (reach.position, reach.radius))
+    }
+
+    /// Irradiance in W m^-2, cosine included, at a place with this unit shading normal in this medium; `None` where no
+    /// record reaches it.
+    ///
+    /// Each record is carried to the place by its gradients and weighs less the farther away it is, down to nothing
+    /// where its reach ends (a tent over the error of Ward, Rubinstein & Clear 1988, in place of their inverse, which
+    /// leans on the nearest record and its noise). Never negative. Records that agree give their value to the bit.
+    #[inline]
+    pub fn interpolate(&self, position: Vec3, normal: Vec3, medium: MediumId) -> Option<Rgb> {
+        let mut first: Option<Rgb> = None;
+        let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
+        for &index in self.reaches.tree.at(position) {
+            let reach = &self.reaches.all[index as usize];
+            let Some(error) = self.reaches.relative_error(reach, position, normal, medium) else { continue };
+            let weight = 1.0 - error;
+            let linear = &self.linears[index as usize];
+            let value = linear.value
+                + linear.shift * (position - reach.position)
+                + linear.tilt * (normal - reach.normal);
+            let first = *first.get_or_insert(value);
+            sum += weight * (value - first);
+            weights += weight;
+        }
+        first.map(|first| (first + sum / weights).max(Rgb::ZERO))
+    }
+
+    fn push(&mut self, record: &Record, radius: f32, harmonic: f32) {
+        let Irradiance { value, shift, tilt, .. } = record.irradiance;
+        // Where the reach is not what the distances allow but the least there is, the gradient does not hold so far.
+        let tame = (OVERLAP * self.reaches.settings.error * harmonic / radius).min(1.0);
+        let tame = if tame.is_finite() { tame } else { 1.0 };
+        // Nor does a gradient that would take the irradiance below zero within the reach.
+        let steepest = steepest(&shift);
+        let limit = |channel: usize| {
+            let change = steepest[channel] * tame * radius;
+            if change > value[channel] { tame * (value[channel] / change).max(0.0) } else { tame }
+        };
+        let limits = Vec3::new(limit(0), limit(1), limit(2));
+        let shift = Mat3::from_cols(shift.x_axis * limits, shift.y_axis * limits, shift.z_axis * limits);
+        self.reaches.push(&record.place, radius);
+        self.linears.push(Linear { value, shift, tilt });
+    }
+}
+
+/// Length of the gradient of each channel.
+fn steepest(gradient: &Mat3) -> Vec3 {
+    let square = |v: Vec3| v * v;
+    let sum = square(gradient.x_axis) + square(gradient.y_axis) + square(gradient.z_axis);
+    Vec3::new(sum.x.sqrt(), sum.y.sqrt(), sum.z.sqrt())
+}
+
+/// A cache in the making.
+#[derive(Clone, Debug)]
+pub struct Filling {
+    records: Vec<Record>,
+    harmonic: Neighbours,
+    nearest: Neighbours,
+    cache: IrradianceCache,
+    rejected: u64,
+}
+
+impl Filling {
+    /// Nothing yet.
+    pub fn new(settings: CacheSettings) -> Self {
+        Self {
+            records: Vec::new(),
+            harmonic: Neighbours::default(),
+            nearest: Neighbours::default(),
+            cache: IrradianceCache::new(settings),
+            rejected: 0,
+        }
+    }
+
+    /// Whether a record is needed at a place: no accepted one reaches it.
+    pub fn wants(&self, place: &Place) -> bool {
+        !self.cache.reaches.covers(place.position, place.normal, place.medium)
+    }
+
+    /// Numbers of those of `places` that are to be computed: one by one in their order, those that neither an accepted
+    /// record reaches nor, as far as the neighbours let one foresee, one of those chosen before.
+    pub fn choose(&self, places: &[Place]) -> Vec<usize> {
+        let mut reaches = self.cache.reaches.clone();
+        let mut chosen = Vec::new();
+        for (number, place) in places.iter().enumerate() {
+            if place.position.is_finite() && !reaches.covers(place.position, place.normal, place.medium) {
+                let harmonic = self.harmonic.least(place.position);
+                let nearest = self.nearest.least(place.position);
+                reaches.push(place, reaches.radius(place, harmonic, nearest));
+                chosen.push(number);
+            }
+        }
+        chosen
+    }
+
+    /// Takes a batch of records in their order, and shortens all reaches by what the neighbours see.
+    pub fn accept(&mut self, batch: impl IntoIterator<Item = Record>) {
+        let before = self.records.len();
+        let mut all = 0;
+        let sound =
+            |record: &Record| record.place.position.is_finite() && record.irradiance.value.is_finite();
+        self.records.extend(batch.into_iter().inspect(|_| all += 1).filter(sound));
+        self.rejected += all - (self.records.len() - before) as u64;
+        let measured = |length: fn(&Irradiance) -> f32| {
+            let of = |record: &Record| (record.place.position, length(&record.irradiance));
+            Neighbours::new(self.records.iter().map(of).collect())
+        };
+        self.harmonic = measured(|irradiance| irradiance.harmonic);
+        self.nearest = measured(|irradiance| irradiance.nearest);
+        let (harmonic, nearest) = (self.harmonic.clamped(), self.nearest.clamped());
+        self.cache = IrradianceCache::new(self.cache.reaches.settings);
+        for (i, record) in self.records.iter().enumerate() {
+            let radius = self.cache.reaches.radius(&record.place, harmonic[i], nearest[i]);
+            self.cache.push(record, radius, harmonic[i]);
+        }
+    }
+
+    /// Count of records that were not finite.
+    pub fn rejected(&self) -> u64 {
+        self.rejected
+    }
+
+    /// The cache so far.
+    pub fn finish(self) -> IrradianceCache {
+        self.cache
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream};
+
+    const SETTINGS: CacheSettings = CacheSettings { error: 0.2, bounds: (Vec3::ZERO, 1.0) };
+
+    fn place(position: Vec3) -> Place {
+        Place { position, normal: Vec3::Z, medium: 0, footprint: 0.01 }
+    }
+
+    fn record(position: Vec3, value: Rgb) -> Record {
+        let irradiance =
+            Irradiance { value, shift: Mat3::ZERO, tilt: Mat3::ZERO, harmonic: 0.5, nearest: f32::INFINITY };
+        Record { place: place(position), irradiance }
+    }
+
+    /// Places on the square `[-0.5, 0.5]^2` of the plane z = 0.
+    fn places(count: u64, seed: u64) -> impl Iterator<Item = Vec3> {
+        (0..count).map(move |i| (Rng::new(seed, Stream::Measure, i).next_2d() - 0.5).extend(0.0))
+    }
+
+    fn filled(records: impl Iterator<Item = Record>) -> IrradianceCache {
+        let mut filling = Filling::new(SETTINGS);
+        let records: Vec<Record> = records.collect();
+        // In batches, as reaches are foreseen from earlier ones.
+        for batch in records.chunks(50) {
+            let places: Vec<Place> = batch.iter().map(|record| record.place).collect();
+            filling
+                .accept(filling.choose(&places).into_iter().map(|number| batch[number]).collect::<Vec<_>>());
+        }
+        filling.finish()
+    }
+
+    #[test]
+    fn equal_records_give_their_value_to_the_bit() {
+        let value = Rgb::new(0.1, 2.7, 1e-5);
+        let cache = filled(places(2000, 1).map(|p| record(p, value)));
+        assert!((20..500).contains(&cache.len()), "{}", cache.len());
+        for p in places(1000, 2) {
+            assert_eq!(cache.interpolate(p, Vec3::Z, 0), Some(value));
+        }
+    }
+
+    #[test]
+    fn linear_fields_are_interpolated_exactly() {
+        let slopes = [Vec3::new(0.5, -0.2, 0.1), Vec3::new(-0.3, 0.4, 0.2)];
+        let field = |p: Vec3| Rgb::ONE + slopes[0] * p.x + slopes[1] * p.y;
+        let shift = Mat3::from_cols(slopes[0], slopes[1], Vec3::ZERO);
+        let with_gradient = |p: Vec3| {
+            let mut record = record(p, field(p));
+            record.irradiance.shift = shift;
+            record
+        };
+        let cache = filled(places(3000, 1).map(with_gradient));
+        let flat = filled(places(3000, 1).map(|p| record(p, field(p))));
+        let mut worst = (0.0f32, 0.0f32);
+        for p in places(1000, 2).filter(|p| p.abs().max_element() < 0.45) {
+            let off = |cache: &IrradianceCache| {
+                (cache.interpolate(p, Vec3::Z, 0).unwrap() - field(p)).abs().max_element()
+            };
+            worst = (worst.0.max(off(&cache)), worst.1.max(off(&flat)));
+        }
+        println!("largest error {worst:?} of {} records", cache.len());
+        assert!(worst.0 < 2e-6 && worst.1 > 1e-3, "{worst:?}");
+        // So are irradiances that follow the normal.
+        let mut turned = record(Vec3::ZERO, Rgb::ONE);
+        turned.irradiance.tilt = Mat3::from_cols(slopes[0], slopes[1], Vec3::ZERO);
+        let cache = filled(std::iter::once(turned));
+        let normal = Vec3::new(0.1, 0.05, (1.0f32 - 0.0125).sqrt());
+        let want = Rgb::ONE + 0.1 * slopes[0] + 0.05 * slopes[1];
+        assert!((cache.interpolate(Vec3::ZERO, normal, 0).unwrap() - want).abs().max_element() < 1e-6);
+    }
+
+    #[test]
+    fn other_surfaces_are_not_reached() {
+        let cache = filled(std::iter::once(record(Vec3::ZERO, Rgb::ONE)));
+        let reach = cache.reaches().next().unwrap().1;
+        assert!((reach - 1.4 * 0.1).abs() < 1e-6);
+        let near = Vec3::new(0.02, 0.0, 0.0);
+        assert!(cache.interpolate(near, Vec3::Z, 0).is_some());
+        assert!(cache.interpolate(near, Vec3::NEG_Z, 0).is_none());
+        assert!(cache.interpolate(near, Vec3::X, 0).is_none());
+        assert!(cache.interpolate(near, Vec3::Z, 1).is_none());
+        assert!(cache.interpolate(near + 0.05 * Vec3::Z, Vec3::Z, 0).is_none(), "a step above");
+        assert!(cache.interpolate(near - 0.05 * Vec3::Z, Vec3::Z, 0).is_none(), "a step below");
+        assert!(cache.interpolate(Vec3::X * 0.2, Vec3::Z, 0).is_none());
+        assert!(cache.interpolate(Vec3::NAN, Vec3::Z, 0).is_none());
+    }
+
+    #[test]
+    fn nothing_is_carried_past_what_was_seen() {
+        let wall = |nearest: f32, at: Vec3| {
+            let mut record = record(at, Rgb::ONE);
+            record.irradiance.nearest = nearest;
+            record
+        };
+        let cache = filled(std::iter::once(wall(0.03, Vec3::ZERO)));
+        assert!(cache.interpolate(Vec3::X * 0.029, Vec3::Z, 0).is_some());
+        assert!(cache.interpolate(Vec3::X * 0.031, Vec3::Z, 0).is_none());
+        // A neighbour that missed the wall learns of it.
+        let mut filling = Filling::new(SETTINGS);
+        filling.accept([wall(0.03, Vec3::ZERO), wall(f32::INFINITY, Vec3::Y * 0.06)]);
+        let cache = filling.finish();
+        let reaches: Vec<f32> = cache.reaches().map(|(_, radius)| radius).collect();
+        assert_eq!(cache.len(), 2);
+        assert!((reaches[1] - 0.09).abs() < 1e-6, "{reaches:?}");
+    }
+
+    #[test]
+    fn steep_gradients_do_not_turn_light_negative() {
+        let mut steep = record(Vec3::ZERO, Rgb::new(1.0, 0.0, 1.0));
+        steep.irradiance.shift = Mat3::from_cols(Vec3::new(1e6, 1e6, 0.0), Vec3::ZERO, Vec3::ZERO);
+        let cache = filled(std::iter::once(steep));
+        for x in [-0.13, -0.05, 0.05, 0.13] {
+            let value = cache.interpolate(Vec3::X * x, Vec3::Z, 0).unwrap();
+            assert!((0.0..=2.0).contains(&value.x) && value.y == 0.0 && value.z == 1.0, "{value}");
+        }
+    }
+
+    #[test]
+    fn batches_fill_what_is_missing_and_nothing_else() {
+        let mut filling = Filling::new(SETTINGS);
+        let all: Vec<Place> = places(400, 1).map(place).collect();
+        assert!(all.iter().all(|place| filling.wants(place)));
+        // Nothing is known yet of how far the first ones reach, so a few are a start; later batches mend what was foreseen
+        // too far.
+        let mut batches = 0;
+        loop {
+            let chunk = if batches == 0 { &all[..10] } else { &all[..] };
+            let chosen = filling.choose(chunk);
+            assert!(chosen.is_sorted());
+            if batches > 0 && chosen.is_empty() {
+                break;
+            }
+            batches += 1;
+            assert!(batches < 10, "{} still wanted", chosen.len());
+            filling.accept(chosen.iter().map(|&n| record(chunk[n].position, Rgb::ONE)).collect::<Vec<_>>());
+        }
+        assert!(!all.iter().any(|place| filling.wants(place)));
+        assert!(filling.records.len() < 200, "{}", filling.records.len());
+        let before = filling.records.len();
+        filling.accept([record(Vec3::new(f32::NAN, 0.0, 0.0), Rgb::ONE), record(Vec3::ZERO, Rgb::NAN)]);
+        assert!(filling.records.len() == before && filling.rejected() == 2);
+    }
+}

@@ -1,0 +1,302 @@
+//! Filling and reading the irradiance cache (Jensen 1996, section 4.4): what the camera sees of Lambertian surfaces, also
+//! by way of specular ones, is gathered at few places before the picture is rendered.
+
+use super::gather::Start;
+use super::walk::{Walk, walk_specular};
+use super::{PhotonMapIntegrator, Vertex};
+use crate::caches::{CacheSettings, Filling, Hemisphere, Irradiance, Place, Record, Seen};
+use crate::camera::Camera;
+use crate::film::Aov;
+use crate::integrators::{Counters, Scratch};
+use crate::math::{Frame, Rgb};
+use crate::sampling::{Rng, SampleStream, Stream, mix};
+use glam::{Mat3, Vec2};
+use rayon::prelude::*;
+use std::f32::consts::{FRAC_1_PI, TAU};
+
+/// Pixels between the first candidates.
+const COARSEST: u32 = 32;
+
+/// What the cache is filled for.
+#[derive(Clone, Copy, Debug)]
+pub struct CacheRequest<'a> {
+    /// Sees the places where irradiance is wanted.
+    pub camera: &'a Camera,
+    /// Pixels across and down of the whole picture: a crop window is filled like the whole, so that it shows the same.
+    pub size: (u32, u32),
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Largest error of an interpolation (Ward, Rubinstein & Clear 1988).
+    pub error: f32,
+    /// Rays of a hemisphere.
+    pub rays: u32,
+}
+
+/// What filling the cache took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CachePass {
+    /// Records in the cache.
+    pub records: u64,
+    /// Hemispheres whose light was not finite.
+    pub rejected: u64,
+    /// Rays and look-ups.
+    pub counters: Counters,
+}
+
+/// A batch of pixels: those of a grid of `step` whose column and row numbers are of this parity.
+#[derive(Clone, Copy, Debug)]
+struct Batch {
+    step: u32,
+    parity: Parity,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Parity {
+    Any,
+    /// Both odd.
+    Odd,
+    /// One odd, one even.
+    Mixed,
+}
+
+/// All pixels, each once, from coarse to fine; each batch after the first two has about as many as all before it.
+fn batches() -> impl Iterator<Item = Batch> {
+    let finer = (0..COARSEST.ilog2()).flat_map(|level| {
+        let step = COARSEST >> (level + 1);
+        [Batch { step, parity: Parity::Odd }, Batch { step, parity: Parity::Mixed }]
+    });
+    std::iter::once(Batch { step: COARSEST, parity: Parity::Any }).chain(finer)
+}
+
+impl Batch {
+    /// Pixel number `index` of the grid, where it is one of the batch.
+    fn pixel(&self, index: u64, across: u64) -> Option<(u32, u32)> {
+        let (i, j) = ((index % across) as u32, (index / across) as u32);
+        let belongs = match self.parity {
+            Parity::Any => true,
+            Parity::Odd => i & j & 1 == 1,
+            Parity::Mixed => (i ^ j) & 1 == 1,
+        };
+        belongs.then_some((i * self.step, j * self.step))
+    }
+}
+
+impl PhotonMapIntegrator<'_> {
+    /// Fills the irradiance cache, which the pictures are then rendered from. The same for any number of threads, unless
+    /// `is_late` ends it early: then with the records that there are. `None` where it `is_cancelled`.
+    pub fn fill_cache(
+        &mut self,
+        request: &CacheRequest<'_>,
+        is_cancelled: &(dyn Fn() -> bool + Sync),
+        is_late: &(dyn Fn() -> bool + Sync),
+        advance: &dyn Fn(u64),
+    ) -> Option<CachePass> {
+        let (width, height) = request.size;
+        let settings = CacheSettings { error: request.error, bounds: self.scene.bounds() };
+        let mut filling = Filling::new(settings);
+        let mut pass = CachePass::default();
+        let mut done = 0;
+        if !self.has_photons() {
+            return Some(pass);
+        }
+        let should_stop = || is_cancelled() || is_late();
+        for batch in batches() {
+            let across = u64::from(width.div_ceil(batch.step));
+            let grid = across * u64::from(height.div_ceil(batch.step));
+            // Where a record is wanted: places, and which surface of which pixel each is.
+            let found: Vec<(Vec<Candidate>, Counters)> = (0..grid)
+                .into_par_iter()
+                .filter_map(|index| batch.pixel(index, across))
+                .map_init(Scratch::default, |scratch, pixel| {
+                    let mut wanted = Vec::new();
+                    if !should_stop() {
+                        self.visit_pixel(request, pixel, scratch, |candidate, _, _| {
+                            if filling.wants(&candidate.place) {
+                                wanted.push(candidate);
+                            }
+                        });
+                    }
+                    (wanted, std::mem::take(&mut scratch.counters))
+                })
+                .collect();
+            done += found.len() as u64;
+            let mut candidates = Vec::new();
+            for (of_pixel, counters) in found {
+                candidates.extend(of_pixel);
+                pass.counters += counters;
+            }
+            let places: Vec<Place> = candidates.iter().map(|candidate| candidate.place).collect();
+            let computed: Vec<(Option<Record>, Counters)> = filling
+                .choose(&places)
+                .into_par_iter()
+                .map_init(Scratch::default, |scratch, chosen| {
+                    let record =
+                        if should_stop() { None } else { self.record(request, &candidates[chosen], scratch) };
+                    (record, std::mem::take(&mut scratch.counters))
+                })
+                .collect();
+            if is_cancelled() {
+                return None;
+            }
+            pass.counters += computed.iter().fold(Counters::default(), |mut sum, &(_, counters)| {
+                sum += counters;
+                sum
+            });
+            filling.accept(computed.into_iter().filter_map(|(record, _)| record));
+            advance(done);
+            if is_late() {
+                break;
+            }
+        }
+        pass.rejected = filling.rejected();
+        let cache = filling.finish();
+        pass.records = cache.len() as u64;
+        self.cache = (!cache.is_empty()).then_some(cache);
+        Some(pass)
+    }
+
+    /// Calls `visit` for each surface that the middle of a pixel shows and whose indirect light is interpolated.
+    fn visit_pixel(
+        &self,
+        request: &CacheRequest<'_>,
+        (x, y): (u32, u32),
+        scratch: &mut Scratch,
+        mut visit: impl FnMut(Candidate, &Vertex<'_>, &mut Scratch),
+    ) {
+        let (width, height) = request.size;
+        let size = Vec2::new(width as f32, height as f32);
+        let at = |dx: f32| request.camera.ray((Vec2::new(x as f32, y as f32) + Vec2::new(dx, 0.5)) / size);
+        let pixel_angle = (at(1.0).direction - at(0.0).direction).length();
+        let pixel = u64::from(y) * u64::from(width) + u64::from(x);
+        let mut samples = SampleStream::new(mix(request.seed ^ Stream::IrradianceCache as u64), pixel, 0);
+        let mut number = 0;
+        let (scene, max_depth) = (self.scene, self.settings.max_depth);
+        let walk = Walk { scene, max_depth, glossy_samples: 1, lights: None };
+        walk_specular(walk, at(0.5), self.camera_medium, &mut samples, scratch, &mut {
+            |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
+                if self.is_cached(vertex) {
+                    visit(
+                        Candidate { pixel: (x, y), number, place: place_of(vertex, pixel_angle) },
+                        vertex,
+                        scratch,
+                    );
+                }
+                number += 1;
+                [(Aov::Indirect, Rgb::ZERO)]
+            }
+        });
+    }
+
+    /// Whether indirect light at a vertex is interpolated: at Lambertian surfaces that are computed accurately.
+    fn is_cached(&self, vertex: &Vertex<'_>) -> bool {
+        let is_lambert = vertex.shading.bsdf.lambertian().is_some();
+        is_lambert
+            && vertex.shading.bsdf.has_diffuse()
+            && (vertex.depth == 1 || vertex.weight >= self.settings.approximate_weight)
+    }
+
+    /// Indirect radiance from the cache, where there is one and it reaches the vertex.
+    pub(super) fn cached(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Option<Rgb> {
+        let cache = self.cache.as_ref()?;
+        let lambert = vertex.shading.bsdf.lambertian()?;
+        let (position, normal) = (vertex.hit.point.position, vertex.shading.frame.z);
+        let found = cache.interpolate(position, normal, vertex.medium);
+        match found {
+            Some(_) => scratch.counters.cache_hits += 1,
+            None => scratch.counters.cache_misses += 1,
+        }
+        found.map(|irradiance| lambert.reflectance * irradiance * FRAC_1_PI)
+    }
+
+    /// The hemisphere over a candidate, which the camera ray of its pixel finds once more.
+    fn record(
+        &self,
+        request: &CacheRequest<'_>,
+        candidate: &Candidate,
+        scratch: &mut Scratch,
+    ) -> Option<Record> {
+        let mut record = None;
+        self.visit_pixel(request, candidate.pixel, scratch, |found, vertex, scratch| {
+            if found.number == candidate.number {
+                let (x, y) = candidate.pixel;
+                let pixel = u64::from(y) << 32 | u64::from(x);
+                let rng =
+                    Rng::new(request.seed, Stream::IrradianceCache, mix(pixel) ^ u64::from(found.number));
+                let irradiance = self.hemisphere(vertex, Hemisphere::with_rays(request.rays), rng, scratch);
+                record = Some(Record { place: found.place, irradiance });
+            }
+        });
+        record
+    }
+
+    fn hemisphere(
+        &self,
+        vertex: &Vertex<'_>,
+        hemisphere: Hemisphere,
+        mut rng: Rng,
+        scratch: &mut Scratch,
+    ) -> Irradiance {
+        let Vertex { hit, shading, .. } = *vertex;
+        // Turned at random, so that the strata of neighbours do not line up.
+        let frame = Frame::from_z(shading.frame.z);
+        let (sin, cos) = (TAU * rng.next_f32()).sin_cos();
+        let axes = Mat3::from_cols(frame.x * cos + frame.y * sin, frame.y * cos - frame.x * sin, frame.z);
+        let weight = vertex.weight * shading.bsdf.albedo(shading.wo_local).max_element();
+        let irradiance = hemisphere.gather(&mut rng, |local, u| {
+            let direction = axes * local;
+            let Some(medium) = self.scene.medium_after(vertex.medium, hit, shading, direction, false) else {
+                return Seen::NOTHING;
+            };
+            let ray = hit.spawn(direction);
+            let start = Start { ray, medium, direct_pdf: None, indirect: true, recursion: 0, weight };
+            let found = self.gather(vertex, &start, u, scratch);
+            Seen { radiance: found.indirect, nearest: found.nearest, distance: found.distance }
+        });
+        irradiance.turned(axes)
+    }
+}
+
+/// A place where a record may be wanted, and where it comes from.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    pixel: (u32, u32),
+    /// Which of the surfaces that the pixel shows over specular paths.
+    number: u32,
+    place: Place,
+}
+
+fn place_of(vertex: &Vertex<'_>, pixel_angle: f32) -> Place {
+    let hit = vertex.hit;
+    // The side of a square as large as the pixel on the surface; no longer than thrice the short side.
+    let cosine = hit.wo.dot(hit.point.normal).abs().max(0.1);
+    Place {
+        position: hit.point.position,
+        normal: vertex.shading.frame.z,
+        medium: vertex.medium,
+        footprint: pixel_angle * vertex.travelled / cosine.sqrt(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn batches_hold_every_pixel_once() {
+        for (width, height) in [(1u32, 1u32), (33, 5), (64, 64), (100, 47)] {
+            let mut seen = vec![0; (width * height) as usize];
+            let mut counts = Vec::new();
+            for batch in batches() {
+                let across = u64::from(width.div_ceil(batch.step));
+                let grid = across * u64::from(height.div_ceil(batch.step));
+                let before: i32 = seen.iter().sum();
+                for (x, y) in (0..grid).filter_map(|index| batch.pixel(index, across)) {
+                    seen[(y * width + x) as usize] += 1;
+                }
+                counts.push(seen.iter().sum::<i32>() - before);
+            }
+            assert!(seen.iter().all(|&n| n == 1), "{width} x {height}");
+            assert_eq!(counts.len(), 11);
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Photons shown one by one, in the colours of their classes.
+
+use super::walk::{Walk, walk_specular};
+use super::{PhotonMapSettings, PhotonMaps, Vertex};
+use crate::film::{Aov, PixelSample};
+use crate::integrators::{Integrator, Scratch};
+use crate::math::{Ray, Rgb};
+use crate::media::MediumId;
+use crate::photons::{PhotonClass, PhotonClasses, PhotonMap, Query};
+use crate::sampling::SampleStream;
+use crate::scene::{MapKind, Scene};
+
+/// Radius of the disc of a photon, as a share of the scene's radius.
+const DISC: f32 = 0.006;
+
+/// Radiance between the discs, as a share of the surface's albedo, so that the scene can be made out.
+const GROUND: f32 = 0.1;
+
+/// Shows each photon of a map, and the shadow photons of all lights, as a disc on the first diffuse surface seen directly
+/// or through specular ones (figure 1 of Jensen 1996). Radiance is 1 at the brightest, whatever the lights.
+#[derive(Debug)]
+pub struct ShowClasses<'a> {
+    scene: &'a Scene,
+    maps: &'a PhotonMaps,
+    kind: MapKind,
+    max_depth: u32,
+    camera_medium: MediumId,
+}
+
+impl<'a> ShowClasses<'a> {
+    /// Shows the map of this kind and the shadow photons that `maps` hold.
+    pub fn new(
+        scene: &'a Scene,
+        maps: &'a PhotonMaps,
+        kind: MapKind,
+        settings: PhotonMapSettings,
+        camera_medium: MediumId,
+    ) -> Self {
+        Self { scene, maps, kind, max_depth: settings.max_depth, camera_medium }
+    }
+
+    /// Class of the nearest photon whose disc covers the place.
+    fn class_at(&self, vertex: &Vertex<'_>) -> Option<PhotonClass> {
+        let radius = DISC * self.scene.bounds().1;
+        let query = Query::within(vertex.hit.point.position, vertex.hit.facing_normal(), radius);
+        let nearest = |map: &PhotonMap, classes| {
+            let query = Query { classes, ..query };
+            map.nearest_one(&query, |_| true).map(|(index, distance)| (distance, map.class(index)))
+        };
+        let map = match self.kind {
+            MapKind::Global => self.maps.global.as_ref(),
+            MapKind::Caustic => self.maps.caustic.as_ref(),
+        };
+        let light = map.and_then(|map| nearest(map, PhotonClasses::LIGHT));
+        let shadows = self.maps.shadows.iter().flat_map(|maps| maps.photon_maps());
+        shadows
+            .filter_map(|map| nearest(map, PhotonClasses::only(PhotonClass::Shadow)))
+            .chain(light)
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map(|(_, class)| class)
+    }
+
+    fn shade(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Aov, Rgb) {
+        if !vertex.shading.bsdf.has_diffuse() {
+            return (Aov::Indirect, Rgb::ZERO);
+        }
+        scratch.counters.global_lookups += 1;
+        let color = match self.class_at(vertex) {
+            Some(PhotonClass::Direct) => Rgb::ONE,
+            Some(PhotonClass::Indirect) => Rgb::new(0.1, 0.25, 1.0),
+            Some(PhotonClass::Caustic) => Rgb::new(1.0, 0.8, 0.05),
+            Some(PhotonClass::Shadow) => Rgb::new(1.0, 0.05, 0.02),
+            None => vertex.shading.bsdf.albedo(vertex.shading.wo_local) * GROUND,
+        };
+        // The film divides by the power factor of render space.
+        (Aov::Indirect, color * self.scene.space().power as f32)
+    }
+}
+
+impl Integrator for ShowClasses<'_> {
+    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
+        let walk = Walk { scene: self.scene, max_depth: self.max_depth, glossy_samples: 1, lights: None };
+        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
+            |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]
+        })
+    }
+}

@@ -1,0 +1,309 @@
+//! The photon pass as a whole: how many photons to emit, all of them on all threads, and what is left of a pass that is
+//! stopped.
+
+use super::Photon;
+use super::sources::Sources;
+use super::trace::{Batch, PhotonTally, TraceSettings, Traced};
+use crate::lights::LightId;
+use crate::math::Ray;
+use crate::sampling::{Rng, Stream};
+use crate::scene::{MapKind, Scene};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// Photons of one map.
+#[derive(Debug)]
+pub struct TracedPhotons {
+    /// The photons; their powers are to be divided by `emitted`.
+    pub photons: Vec<Photon>,
+    /// Photons emitted by all lights together.
+    pub emitted: u64,
+    /// By light.
+    pub tallies: Vec<PhotonTally>,
+    /// Whether the pass was stopped before all photons were traced. These are then fewer, but stand for the same light.
+    pub stopped: bool,
+    /// By surface, for the caustic map: whether a photon met it. Empty for other maps.
+    pub reached: Vec<bool>,
+    /// Lights that shine and from which, as the pass was stopped, no photon was traced.
+    pub missing: Vec<LightId>,
+    /// Lights that are in more than one medium on one side.
+    pub divided: Vec<LightId>,
+}
+
+/// Photons that one task traces.
+const CHUNK: u64 = 4096;
+
+/// Parts of a short pass, whose counts tell how certain it is.
+const REPLICAS: u64 = 16;
+
+/// Photons of the first short pass; where surfaces reflect nearly everything, each has thousands of bounces.
+const FIRST_PREPASS: u64 = 256;
+
+/// Each further one is so many times as long.
+const GROWTH: u64 = 4;
+
+/// Standard error of the count of stored photons for one emitted, relative, at which a short pass is believed: a quarter of
+/// the 10 % that counts may be off.
+const CERTAIN: f64 = 0.025;
+
+/// A short pass need not store more than this share of what is asked for.
+const LARGEST_SHARE: f64 = 0.125;
+
+/// Photons emitted without one being stored, after which it is believed that none can be.
+const FUTILE: u64 = 8_000_000;
+
+/// More emitted photons than this for one stored are not worth waiting for; fewer are stored then.
+const MOST_EMITTED_PER_STORED: f64 = 2000.0;
+
+/// Traces about `settings.stored` photons: within 10 %, as long as that does not take more than 2000 emitted for each.
+///
+/// How many to emit is found by short passes with random numbers of their own, so that the count does not depend on the
+/// photons that are kept. Each light emits in proportion to its flux (for the caustic map, to its flux towards casters) and
+/// what the scene file asks for; a photon's number alone decides its way, so the result is the same for any number of
+/// threads.
+///
+/// `progress` is called with the photons traced so far and those to trace; once it returns `false` no more is begun, and
+/// what is finished is returned: photons in the order of their numbers up to some number of each light, an estimate of
+/// the same light from fewer photons. `None` where there are none yet.
+pub fn trace_photons(
+    scene: &Scene,
+    settings: &TraceSettings,
+    progress: &(dyn Fn(u64, u64) -> bool + Sync),
+) -> Option<TracedPhotons> {
+    let sources = Sources::new(scene, settings.kind, settings.aimed);
+    if settings.stored == 0 || sources.is_dark() {
+        return Some(TracedPhotons {
+            photons: Vec::new(),
+            emitted: 0,
+            tallies: vec![PhotonTally::default(); scene.lights().len()],
+            stopped: false,
+            reached: vec![false; scene.surfaces().len()],
+            missing: Vec::new(),
+            divided: sources.divided,
+        });
+    }
+    let pass = Pass { scene, settings, sources: &sources, progress };
+    let (prepass, per_stored) = pass.find_count()?;
+    if prepass.stopped || prepass.photons.is_empty() {
+        return Some(prepass);
+    }
+    let emitted = settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED);
+    let stream = match settings.kind {
+        MapKind::Caustic => Stream::CausticPhotons,
+        _ => Stream::GlobalPhotons,
+    };
+    drop(prepass);
+    pass.run(stream, emitted.ceil() as u64, Some(CHUNK)).map(|(traced, _)| traced)
+}
+
+/// The rays of a photon pass that emits `emitted` photons, in the order in which one thread traces them: for benchmarks
+/// of ray tracing with a real workload.
+pub fn record_photon_rays(scene: &Scene, settings: &TraceSettings, emitted: u64) -> Vec<Ray> {
+    let mut rays = Vec::new();
+    trace_alone(scene, settings, emitted, &mut |ray| rays.push(*ray));
+    rays
+}
+
+/// The same pass on one thread, without recording: returns the photons and the count of rays that hit something.
+pub fn trace_photons_alone(scene: &Scene, settings: &TraceSettings, emitted: u64) -> (Vec<Photon>, u64) {
+    trace_alone(scene, settings, emitted, &mut |_| ())
+}
+
+fn trace_alone(
+    scene: &Scene,
+    settings: &TraceSettings,
+    emitted: u64,
+    observe: &mut impl FnMut(&Ray),
+) -> (Vec<Photon>, u64) {
+    let sources = Sources::new(scene, settings.kind, settings.aimed);
+    let shares = sources.shares(emitted);
+    let batch = Batch { scene, settings, sources: &sources, stream: Stream::Measure, shares };
+    let (mut photons, mut rays) = (Vec::new(), 0);
+    for (light, &share) in batch.shares.iter().enumerate() {
+        let traced = batch.trace_range(light, 0, share, emitted, observe);
+        rays += traced.tally.bounces;
+        photons.extend(traced.photons);
+    }
+    (photons, rays)
+}
+
+/// Some photons of one light, by number.
+#[derive(Clone, Copy)]
+struct Task {
+    light: usize,
+    first: u64,
+    end: u64,
+    /// Position within the light's photons, to let all lights advance alike.
+    progress: f64,
+}
+
+struct Pass<'a> {
+    scene: &'a Scene,
+    settings: &'a TraceSettings,
+    sources: &'a Sources<'a>,
+    progress: &'a (dyn Fn(u64, u64) -> bool + Sync),
+}
+
+impl Pass<'_> {
+    /// Short passes, the last of them and the photons to emit for one stored.
+    fn find_count(&self) -> Option<(TracedPhotons, f64)> {
+        let mut emitted = FIRST_PREPASS;
+        loop {
+            let quiet = Pass { progress: &|_, _| (self.progress)(0, 1), ..*self };
+            let (prepass, counts) = quiet.run(Stream::Prepass, emitted, None)?;
+            let stored = prepass.photons.len() as f64;
+            let per_stored = prepass.emitted as f64 / stored;
+            let enough = if prepass.photons.is_empty() {
+                emitted >= FUTILE
+            } else {
+                relative_error(&counts) <= CERTAIN
+                    || stored >= (LARGEST_SHARE * self.settings.stored as f64).max(CHUNK as f64)
+                    || emitted as f64 >= self.settings.stored as f64 * MOST_EMITTED_PER_STORED
+            };
+            if enough || prepass.stopped {
+                return Some((prepass, per_stored));
+            }
+            let longest = if prepass.photons.is_empty() { FUTILE } else { u64::MAX };
+            emitted = emitted.saturating_mul(GROWTH).min(longest);
+        }
+    }
+
+    /// Emits photons in tasks of `chunk`, or as many tasks as [`REPLICAS`] for each light; the photons, and the counts of
+    /// those stored by the tasks with the same number within their lights. `None` where it was stopped before any
+    /// task was done.
+    fn run(&self, stream: Stream, emitted: u64, chunk: Option<u64>) -> Option<(TracedPhotons, Vec<u64>)> {
+        let shares = self.sources.shares(emitted);
+        let emitted: u64 = shares.iter().sum();
+        let batch =
+            Batch { scene: self.scene, settings: self.settings, sources: self.sources, stream, shares };
+        let mut tasks = Vec::new();
+        for (light, &share) in batch.shares.iter().enumerate() {
+            let size = chunk.unwrap_or(share.div_ceil(REPLICAS)).max(1);
+            tasks.extend((0..share).step_by(size as usize).map(|first| Task {
+                light,
+                first,
+                end: share.min(first + size),
+                progress: first as f64 / share as f64,
+            }));
+        }
+        tasks.sort_by(|a, b| a.progress.total_cmp(&b.progress));
+        let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
+        // Taken in order, so that what is finished when it stops is (nearly) all that comes before some task.
+        let mut results: Vec<(usize, Traced)> = tasks
+            .iter()
+            .enumerate()
+            .par_bridge()
+            .filter_map(|(number, task)| {
+                if stop.load(Ordering::Relaxed) {
+                    return None;
+                }
+                let traced = batch.trace_range(task.light, task.first, task.end, emitted, &mut |_| ());
+                let count = task.end - task.first;
+                let traced_so_far = done.fetch_add(count, Ordering::Relaxed) + count;
+                if !(self.progress)(traced_so_far, emitted) {
+                    stop.store(true, Ordering::Relaxed);
+                }
+                Some((number, traced))
+            })
+            .collect();
+        results.sort_unstable_by_key(|(number, _)| *number);
+        let whole = results.iter().enumerate().take_while(|(i, (number, _))| i == number).count();
+        results.truncate(whole);
+        if results.is_empty() {
+            return None;
+        }
+        Some(self.gather(&batch, emitted, &tasks, results))
+    }
+
+    /// Puts together what the first tasks gave.
+    fn gather(
+        &self,
+        batch: &Batch<'_>,
+        emitted: u64,
+        tasks: &[Task],
+        results: Vec<(usize, Traced)>,
+    ) -> (TracedPhotons, Vec<u64>) {
+        let lights = batch.shares.len();
+        let stopped = results.len() < tasks.len();
+        let mut traced = TracedPhotons {
+            photons: Vec::with_capacity(results.iter().map(|(_, part)| part.photons.len()).sum()),
+            emitted,
+            tallies: vec![PhotonTally::default(); lights],
+            stopped,
+            reached: Vec::new(),
+            missing: Vec::new(),
+            divided: self.sources.divided.clone(),
+        };
+        let mut reached = vec![0u64; self.scene.surfaces().len().div_ceil(64)];
+        let mut emitted_by = vec![0u64; lights];
+        for (number, _) in &results {
+            let task = &tasks[*number];
+            emitted_by[task.light] += task.end - task.first;
+        }
+        if stopped {
+            traced.emitted = emitted_by.iter().sum();
+            traced.missing = (0..lights)
+                .filter(|&light| batch.shares[light] > 0 && emitted_by[light] == 0)
+                .map(|light| light as LightId)
+                .collect();
+        }
+        // Powers are those of a light's flux times all photons over its own. One for a light that is done to the same
+        // share as all.
+        let factor = |light: usize| {
+            let planned = emitted as f64 / batch.shares[light] as f64;
+            traced.emitted as f64 / emitted_by[light] as f64 / planned
+        };
+        let factors: Vec<f64> = (0..lights)
+            .map(|light| if stopped && emitted_by[light] > 0 { factor(light) } else { 1.0 })
+            .collect();
+        let mut counts = vec![0u64; tasks.len()];
+        let mut ordinal = vec![0usize; lights];
+        for (number, part) in results {
+            let light = tasks[number].light;
+            counts[ordinal[light]] += part.photons.len() as u64;
+            ordinal[light] += 1;
+            reached.iter_mut().zip(&part.reached).for_each(|(all, some)| *all |= some);
+            let mut tally = part.tally;
+            if factors[light] == 1.0 {
+                traced.photons.extend(part.photons);
+            } else {
+                tally *= factors[light];
+                let mut rng = Rng::new(self.settings.seed, Stream::Prepass, number as u64);
+                let scaled = |photon: Photon| photon.scaled(factors[light] as f32, rng.next_f32());
+                traced.photons.extend(part.photons.into_iter().map(scaled));
+            }
+            traced.tallies[light] += tally;
+        }
+        counts.truncate(ordinal.into_iter().max().unwrap_or(0));
+        if self.settings.kind == MapKind::Caustic {
+            let surfaces = 0..self.scene.surfaces().len();
+            traced.reached =
+                surfaces.map(|surface| reached[surface / 64] >> (surface % 64) & 1 == 1).collect();
+        }
+        (traced, counts)
+    }
+}
+
+/// Standard error of the mean of `counts`, relative to it; infinite where it is not known.
+fn relative_error(counts: &[u64]) -> f64 {
+    let n = counts.len() as f64;
+    let mean = counts.iter().sum::<u64>() as f64 / n;
+    let variance = counts.iter().map(|&count| (count as f64 - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    if n > 3.0 && mean > 0.0 { (variance / n).sqrt() / mean } else { f64::INFINITY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_of_counts() {
+        assert_eq!(relative_error(&[]), f64::INFINITY);
+        assert_eq!(relative_error(&[5, 5]), f64::INFINITY);
+        assert_eq!(relative_error(&[0; 16]), f64::INFINITY);
+        assert_eq!(relative_error(&[7; 16]), 0.0);
+        // Deviation 1 each: 16/15 as variance, a quarter of its root as error.
+        let counts: Vec<u64> = (0..16).map(|i| 9 + 2 * (i % 2)).collect();
+        assert!((relative_error(&counts) - (16.0f64 / 15.0).sqrt() / 40.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,369 @@
+//! Projection maps (Jensen & Christensen 1995, section 3.1): in which directions a light sees what casts caustics.
+//!
+//! The paper makes a map at each of some positions on a light, enters the bounding spheres of objects, and sends more
+//! photons where they are specular. Here positions are cells that together cover the light. Per cell, every sphere
+//! is grown by the cell's own radius, so that no direction from any point of the cell to a caster is missing; a photon
+//! is then aimed at the sphere itself as seen from where it starts, with the density of all spheres in that direction.
+
+use super::direction_bins::{Cone, DirectionBins};
+use crate::lights::{AreaLight, PointLight};
+use crate::math::{Frame, unit};
+use crate::sampling::{Distribution1D, Distribution2D, ONE_MINUS_EPSILON, warp};
+use crate::scene::Target;
+use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// Rows and columns of the map of one cell.
+const BINS: (usize, usize) = (32, 64);
+
+/// Cells of a light along one side, where it is as large as the scene; in proportion where it is smaller.
+const CELLS_PER_SCENE: f32 = 24.0;
+/// But never more.
+const MOST_CELLS: usize = 8;
+
+/// Up to so many casters a cell asks each whether it covers a direction; beyond, those that the map holds there.
+const FEW: usize = 8;
+
+/// Least cosine for which photons are aimed at a caster, however flat the light falls on it from where the cell was asked.
+const LEAST_COSINE: f32 = 0.02;
+
+/// A caster, and the probability with which a photon is aimed at it.
+#[derive(Clone, Copy, Debug)]
+struct Aimed {
+    center: Vec3,
+    radius: f32,
+    probability: f32,
+}
+
+/// `1 - cos` of the half angle of a sphere seen from `apex`; `None` from inside.
+#[inline]
+fn one_minus_cos(apex: Vec3, center: Vec3, radius: f32) -> Option<f32> {
+    let distance = (center - apex).length();
+    (distance > radius).then(|| warp::sphere_one_minus_cos(radius, distance))
+}
+
+impl Aimed {
+    /// Density per solid angle with which `direction` is drawn from `apex`, this caster's probability included.
+    #[inline]
+    fn pdf(&self, apex: Vec3, normal: Option<Vec3>, direction: Vec3) -> f32 {
+        match one_minus_cos(apex, self.center, self.radius) {
+            Some(size) => {
+                let Some(axis) = unit(self.center - apex) else { return 0.0 };
+                // 1 - cos(angle) as half the squared chord, which keeps its precision for narrow cones.
+                let inside = 0.5 * (direction - axis).length_squared() <= size;
+                if inside { self.probability * warp::cone_pdf(size) } else { 0.0 }
+            }
+            None => self.probability * everywhere_pdf(normal, direction),
+        }
+    }
+}
+
+/// Density of the directions drawn for a caster around the origin itself: of the cosine to the normal where there is one.
+fn everywhere_pdf(normal: Option<Vec3>, direction: Vec3) -> f32 {
+    normal.map_or(1.0 / (4.0 * PI), |normal| warp::cosine_hemisphere_pdf(normal.dot(direction)))
+}
+
+/// The map of one cell of positions.
+#[derive(Clone, Debug)]
+pub(super) struct PositionCell {
+    /// Side of the light, and rectangle of the unit square whose points start here.
+    back: bool,
+    low: Vec2,
+    size: Vec2,
+    casters: Vec<Aimed>,
+    choice: Option<Distribution1D>,
+    bins: DirectionBins,
+    /// Flux towards casters, per area and radiance, or per intensity.
+    flux: f64,
+}
+
+/// Where a cell is and which way it faces.
+pub(super) struct Place {
+    /// Sphere around its positions.
+    pub center: Vec3,
+    pub radius: f32,
+    /// Mean normal.
+    pub axis: Vec3,
+    /// Largest angle to the axis at which anything is emitted.
+    pub limit: f32,
+    back: bool,
+    low: Vec2,
+    size: Vec2,
+}
+
+impl Place {
+    /// The cells of an area light, column after column, first those of the front, then those of the back; and how many
+    /// make a column. Their number follows from the size of the light compared to the scene.
+    pub(super) fn all_of(light: &AreaLight, scene_radius: f32) -> Option<(Vec<Self>, usize)> {
+        let whole = light.patch(false, Vec2::ZERO, Vec2::ONE)?;
+        let relative = (whole.radius as f32 / scene_radius).min(1.0);
+        let side = ((CELLS_PER_SCENE * relative).ceil() as usize).clamp(1, MOST_CELLS);
+        let (columns, rows) = if light.piece_count() > MOST_CELLS { (side * side, 1) } else { (side, side) };
+        let size = Vec2::new(1.0 / columns as f32, 1.0 / rows as f32);
+        let mut places = Vec::with_capacity(2 * columns * rows);
+        let sides: &[bool] = if light.is_two_sided() { &[false, true] } else { &[false] };
+        for &back in sides {
+            for column in 0..columns {
+                for row in 0..rows {
+                    let low = Vec2::new(column as f32, row as f32) * size;
+                    let patch = light.patch(back, low, low + size)?;
+                    places.push(Self {
+                        center: patch.center.as_vec3(),
+                        radius: patch.radius as f32 * (1.0 + 1e-6),
+                        axis: patch.axis.as_vec3(),
+                        limit: (FRAC_PI_2 + patch.spread as f32).min(PI),
+                        back,
+                        low,
+                        size,
+                    });
+                }
+            }
+        }
+        Some((places, rows))
+    }
+
+    /// A point that emits in all directions.
+    pub(super) fn at(position: Vec3) -> Self {
+        Self {
+            center: position,
+            radius: 0.0,
+            axis: Vec3::Y,
+            limit: PI,
+            back: false,
+            low: Vec2::ZERO,
+            size: Vec2::ONE,
+        }
+    }
+}
+
+impl PositionCell {
+    fn new(place: &Place, light: Option<&AreaLight>, targets: &[Target]) -> Self {
+        let (mut casters, mut cones, mut fluxes) = (Vec::new(), Vec::new(), Vec::new());
+        for target in targets {
+            let cone = Cone::of(place.center, place.radius, target);
+            if !cone.meets(place.axis, place.limit) {
+                continue;
+            }
+            let flux = flux_towards(place, light, target) * f64::from(target.density);
+            if flux > 0.0 {
+                casters.push(Aimed { center: target.center, radius: target.radius, probability: 1.0 });
+                cones.push(cone);
+                fluxes.push(flux);
+            }
+        }
+        let choice = Distribution1D::new(fluxes.iter().copied());
+        if let Some(choice) = &choice {
+            for (index, caster) in casters.iter_mut().enumerate() {
+                caster.probability = choice.probability(index);
+            }
+        }
+        Self {
+            back: place.back,
+            low: place.low,
+            size: place.size,
+            bins: DirectionBins::new(place.axis, BINS, place.limit, &cones),
+            flux: choice.as_ref().map_or(0.0, Distribution1D::total),
+            casters,
+            choice,
+        }
+    }
+
+    /// A unit direction from `apex`, a point of the cell, to a caster, for a light whose emission has the cosine to
+    /// `normal` in it where there is one; and one over its density per solid angle.
+    #[inline]
+    pub(super) fn aim(&self, apex: Vec3, normal: Option<Vec3>, u: Vec2) -> Option<(Vec3, f32)> {
+        let (chosen, rest) = match &self.choice {
+            Some(choice) if self.casters.len() > 1 => {
+                let (index, _, rest) = choice.sample(f64::from(u.x));
+                (index, Vec2::new(rest, u.y))
+            }
+            _ => (0, u),
+        };
+        let caster = self.casters.get(chosen)?;
+        let (direction, mut pdf) = match one_minus_cos(apex, caster.center, caster.radius) {
+            Some(size) => {
+                let axis = unit(caster.center - apex)?;
+                let direction = Frame::from_z(axis).to_world(warp::square_to_cone(rest, size));
+                (direction, caster.probability * warp::cone_pdf(size))
+            }
+            None => {
+                let direction = match normal {
+                    Some(normal) => Frame::from_z(normal).to_world(warp::square_to_cosine_hemisphere(rest)),
+                    None => warp::square_to_sphere(rest),
+                };
+                (direction, caster.probability * everywhere_pdf(normal, direction))
+            }
+        };
+        let mut add = |index: usize| {
+            if index != chosen {
+                pdf += self.casters[index].pdf(apex, normal, direction);
+            }
+        };
+        if self.casters.len() <= FEW {
+            (0..self.casters.len()).for_each(add);
+        } else {
+            self.bins.at(direction).iter().for_each(|&index| add(index as usize));
+        }
+        (pdf > 0.0 && pdf.is_finite()).then(|| (direction, 1.0 / pdf))
+    }
+
+    /// Whether a photon may be aimed in `direction` from some point of the cell.
+    #[cfg(test)]
+    fn is_marked(&self, direction: Vec3) -> bool {
+        !self.bins.at(direction).is_empty()
+    }
+}
+
+/// Random numbers of a start in a cell, and of a direction from there, for [`flux_towards`].
+fn start_and_direction(i: u32) -> (Vec2, Vec2) {
+    // Hammersley points, and the same with the coordinates shifted by different amounts.
+    let u = Vec2::new((i as f32 + 0.5) / SAMPLES as f32, i.reverse_bits() as f32 / 2f32.powi(32));
+    (u, (Vec2::new(u.y, u.x) + Vec2::new(0.5 / SAMPLES as f32, 0.618)).fract())
+}
+
+/// Samples of a cell by which photons are divided among casters and cells.
+const SAMPLES: u32 = 16;
+
+/// What a cell sends towards a target, per area and radiance (the cosine included) where it is part of a surface, per
+/// intensity otherwise, without what lies in between: the root of the mean square over starts in the cell, the division of
+/// photons with the least variance of their power.
+fn flux_towards(place: &Place, light: Option<&AreaLight>, target: &Target) -> f64 {
+    let everything = if light.is_some() { PI } else { 4.0 * PI };
+    let solid_angle = |from: Vec3| -> Option<(f32, Vec3)> {
+        let size = one_minus_cos(from, target.center, target.radius)?;
+        Some((TAU * size, unit(target.center - from)?))
+    };
+    let sample = |i: u32| -> f32 {
+        let (place_u, heading) = start_and_direction(i);
+        let Some(light) = light else {
+            return solid_angle(place.center).map_or(everything, |(solid_angle, _)| solid_angle);
+        };
+        let start = light.sample_side(place.back, place.low + place_u * place.size);
+        let Some((solid_angle, axis)) = solid_angle(start.position) else { return everything };
+        let local = warp::square_to_cone(heading, solid_angle / TAU);
+        let cosine = Frame::from_z(axis).to_world(local).dot(start.normal);
+        (solid_angle * cosine.max(LEAST_COSINE)).min(everything)
+    };
+    let squares: f64 = (0..SAMPLES).map(|i| f64::from(sample(i)).powi(2)).sum();
+    (squares / f64::from(SAMPLES)).sqrt()
+}
+
+/// Where on a light, and in which directions from there, caustic photons leave it.
+#[derive(Clone, Debug)]
+pub(super) struct ProjectionMap {
+    /// Column after column of `rows`, first those of the front, then those of the back.
+    cells: Vec<PositionCell>,
+    rows: usize,
+    /// By the flux of the cells towards casters; `None` for a single cell.
+    choice: Option<Distribution2D>,
+    /// Flux towards casters per radiance, or per intensity.
+    flux: f64,
+}
+
+/// A start in a cell.
+pub(super) struct Departure<'a> {
+    /// The cell.
+    pub cell: &'a PositionCell,
+    /// On the back of the light.
+    pub back: bool,
+    /// Point of the unit square for the place on that side.
+    pub place: Vec2,
+    /// Factor on the reciprocal density of places that are drawn uniformly.
+    pub factor: f32,
+}
+
+impl ProjectionMap {
+    /// The map of an area light; `None` where no point of it faces a caster.
+    pub(super) fn of_area(light: &AreaLight, scene_radius: f32, casters: &[Target]) -> Option<Self> {
+        let (places, rows) = Place::all_of(light, scene_radius)?;
+        let cells: Vec<PositionCell> =
+            places.iter().map(|place| PositionCell::new(place, Some(light), casters)).collect();
+        let fluxes: Vec<f64> = cells.iter().map(|cell| cell.flux).collect();
+        // Cells have the same area.
+        let sides = if light.is_two_sided() { 2.0 } else { 1.0 };
+        let flux = fluxes.iter().sum::<f64>() / fluxes.len() as f64 * light.area() * sides;
+        let choice = Distribution2D::new(&fluxes, rows)?;
+        let choice = (cells.len() > 1).then_some(choice);
+        Some(Self { cells, rows, choice, flux })
+    }
+
+    /// The map of a point light; `None` where there is no caster.
+    pub(super) fn of_point(light: &PointLight, casters: &[Target]) -> Option<Self> {
+        let place = Place::at(light.position);
+        let cell = PositionCell::new(&place, None, casters);
+        let flux = cell.flux;
+        (flux > 0.0).then(|| Self { cells: vec![cell], rows: 1, choice: None, flux })
+    }
+
+    /// Flux towards casters per radiance, or per intensity: what decides how many photons the light gets. Casters behind
+    /// each other count twice.
+    pub(super) fn flux(&self) -> f64 {
+        self.flux
+    }
+
+    /// Draws a place by the flux of the cells towards casters.
+    #[inline]
+    pub(super) fn depart(&self, u: Vec2) -> Departure<'_> {
+        let Some(choice) = &self.choice else {
+            let cell = &self.cells[0];
+            return Departure { cell, back: cell.back, place: u, factor: 1.0 };
+        };
+        let ((column, row), probability, rest) = choice.sample(u);
+        let cell = &self.cells[column * self.rows + row];
+        let place = (cell.low + rest * cell.size).min(Vec2::splat(ONE_MINUS_EPSILON));
+        Departure { cell, back: cell.back, place, factor: 1.0 / (probability * self.cells.len() as f32) }
+    }
+}
+
+/// Where parallel light has to start to hit a caster: the discs of the spheres, perpendicular to it.
+#[derive(Clone, Debug)]
+pub(super) struct DiscMap {
+    casters: Vec<Aimed>,
+    choice: Distribution1D,
+}
+
+impl DiscMap {
+    /// `None` where there is no caster.
+    pub(super) fn new(targets: &[Target]) -> Option<Self> {
+        let size = |target: &Target| f64::from(target.density) * f64::from(target.radius).powi(2);
+        let choice = Distribution1D::new(targets.iter().map(size))?;
+        let aimed = |(index, target): (usize, &Target)| Aimed {
+            center: target.center,
+            radius: target.radius,
+            probability: choice.probability(index),
+        };
+        Some(Self { casters: targets.iter().enumerate().map(aimed).collect(), choice })
+    }
+
+    /// Area of the discs, those that overlap counted twice, weighed by density.
+    pub(super) fn area(&self) -> f64 {
+        f64::from(PI) * self.choice.total()
+    }
+
+    /// A point that light along the unit `direction` passes on its way to a caster, and one over its density per area.
+    #[inline]
+    pub(super) fn sample(&self, direction: Vec3, u: Vec2) -> Option<(Vec3, f32)> {
+        let (chosen, rest) = if self.casters.len() > 1 {
+            let (index, _, rest) = self.choice.sample(f64::from(u.x));
+            (index, Vec2::new(rest, u.y))
+        } else {
+            (0, u)
+        };
+        let caster = self.casters.get(chosen)?;
+        let frame = Frame::from_z(direction);
+        let d = warp::square_to_disc(rest) * caster.radius;
+        let point = caster.center + frame.x * d.x + frame.y * d.y;
+        let share = |caster: &Aimed| caster.probability / (PI * caster.radius * caster.radius);
+        let mut pdf = share(caster);
+        for (index, other) in self.casters.iter().enumerate() {
+            let across = (point - other.center).reject_from_normalized(direction);
+            if index != chosen && across.length_squared() <= other.radius * other.radius {
+                pdf += share(other);
+            }
+        }
+        (pdf > 0.0 && pdf.is_finite()).then(|| (point, 1.0 / pdf))
+    }
+}
+
+#[cfg(test)]
+mod tests;

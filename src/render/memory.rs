@@ -1,0 +1,190 @@
+//! What photon maps take of the machine's memory, found out before any photon is traced.
+
+use super::settings::Settings;
+use crate::scene::{MapKind, RenderPlan};
+use serde::Serialize;
+
+/// Bytes that a photon takes in a finished map: 20, and its share of the search tree.
+const MAP_BYTES: f64 = 20.25;
+
+/// Bytes for each photon of a map while it is traced and built: photons of the tasks and photons in one place, then those
+/// and the map.
+const BUILD_BYTES: f64 = 40.5;
+
+/// Bytes of precomputed irradiance for each photon of the global map.
+const IRRADIANCE_BYTES: f64 = 23.0 / super::maps::IRRADIANCE_STRIDE as f64;
+
+/// A tree counts its points in 32 bits; with room for the 10 % by which photons may exceed what was asked for.
+const MOST_PHOTONS: u64 = 3_900_000_000;
+
+/// Photons to store in each map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct PhotonCounts {
+    /// In the global map; zero where there is none.
+    pub global: u64,
+    /// In the caustic map; zero where there is none.
+    pub caustic: u64,
+}
+
+/// Photon maps that cannot be held.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum MemoryError {
+    /// In no map.
+    #[error(
+        "{asked} photons in the {map} map are more than a map holds; ask for at most {MOST_PHOTONS} with \
+         --{map}-photons"
+    )]
+    Count {
+        /// "global" or "caustic".
+        map: &'static str,
+        /// As asked for.
+        asked: u64,
+    },
+    /// In this machine.
+    #[error(
+        "{global} global and {caustic} caustic photons take {:.1} GB while their maps are built, and {:.1} GB are \
+         available; ask for fewer with --global-photons and --caustic-photons, or for as many as fit into some memory, \
+         for example --photons-memory {:.1}GB",
+        *.needed as f64 / 1e9, *.available as f64 / 1e9, 0.4 * *.available as f64 / 1e9
+    )]
+    Available {
+        /// Global photons asked for.
+        global: u64,
+        /// Caustic photons asked for.
+        caustic: u64,
+        /// Bytes that they take at the worst moment.
+        needed: u64,
+        /// Bytes that are free.
+        available: u64,
+    },
+}
+
+/// Bytes of finished maps.
+fn finished(counts: PhotonCounts, irradiance: bool) -> f64 {
+    let global = MAP_BYTES + if irradiance { IRRADIANCE_BYTES } else { 0.0 };
+    counts.global as f64 * global + counts.caustic as f64 * MAP_BYTES
+}
+
+/// Bytes at the worst moment: the global map is built first and kept while the caustic map is.
+fn at_worst(counts: PhotonCounts, irradiance: bool) -> f64 {
+    let before = finished(PhotonCounts { caustic: 0, ..counts }, irradiance);
+    (counts.global as f64 * BUILD_BYTES).max(before + counts.caustic as f64 * BUILD_BYTES)
+}
+
+impl PhotonCounts {
+    /// What `settings` ask for of the maps that `plan` wants: counts, or as many as their memory takes in the same
+    /// proportion.
+    pub fn of(settings: &Settings, plan: &RenderPlan) -> Self {
+        let asked = |build: bool, photons: u64| if build { photons } else { 0 };
+        let counts = Self {
+            global: asked(plan.global_map.build, settings.global_photons),
+            caustic: asked(plan.caustic_map.build, settings.caustic_photons),
+        };
+        let irradiance = plan.final_gather.build && settings.precomputed_irradiance;
+        let bytes = finished(counts, irradiance);
+        match settings.photons_memory {
+            Some(memory) if bytes > 0.0 => {
+                let factor = memory as f64 / bytes;
+                let scaled = |photons: u64| (photons as f64 * factor).floor() as u64;
+                Self { global: scaled(counts.global), caustic: scaled(counts.caustic) }
+            }
+            _ => counts,
+        }
+    }
+
+    /// For one map.
+    pub fn for_map(self, kind: MapKind) -> u64 {
+        match kind {
+            MapKind::Caustic => self.caustic,
+            _ => self.global,
+        }
+    }
+
+    /// Refuses what no map or not this machine can hold.
+    ///
+    /// # Errors
+    /// Which photons, how much memory they take, and what to ask for instead.
+    pub fn check(self, settings: &Settings, plan: &RenderPlan) -> Result<(), MemoryError> {
+        self.check_against(plan.final_gather.build && settings.precomputed_irradiance, available_memory())
+    }
+
+    fn check_against(self, irradiance: bool, available: Option<u64>) -> Result<(), MemoryError> {
+        for (map, asked) in [("global", self.global), ("caustic", self.caustic)] {
+            if asked > MOST_PHOTONS {
+                return Err(MemoryError::Count { map, asked });
+            }
+        }
+        let needed = at_worst(self, irradiance) as u64;
+        match available {
+            Some(available) if needed > available => {
+                Err(MemoryError::Available { global: self.global, caustic: self.caustic, needed, available })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Bytes that the system would give without swapping: what Linux calls available, or less where the process is in a
+/// control group with a limit. `None` where the system does not tell.
+fn available_memory() -> Option<u64> {
+    let read = |path: &str| std::fs::read_to_string(path).ok();
+    let system = read("/proc/meminfo").and_then(|text| kilobytes(&text, "MemAvailable:"))?;
+    let number = |path: &str| read(path)?.trim().parse::<u64>().ok();
+    let group = number("/sys/fs/cgroup/memory.max")
+        .zip(number("/sys/fs/cgroup/memory.current"))
+        .map(|(limit, used)| limit.saturating_sub(used));
+    Some(group.map_or(system, |group| group.min(system)))
+}
+
+/// The number of bytes on the line of `/proc/meminfo` that begins with `key`.
+fn kilobytes(text: &str, key: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
+    line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::photons::{Photon, PhotonClass, PhotonMap};
+    use crate::sampling::{Rng, Stream};
+    use glam::Vec3;
+
+    #[test]
+    fn a_map_takes_what_is_foreseen() {
+        let mut rng = Rng::new(0, Stream::Measure, 0);
+        let photons: Vec<Photon> = (0..200_000)
+            .map(|_| {
+                let position = rng.next_2d().extend(rng.next_f32());
+                Photon::new(position, Vec3::ONE, Vec3::Y, Vec3::Y, PhotonClass::Direct, 0.5)
+            })
+            .collect();
+        let count = photons.len() as f64;
+        let map = PhotonMap::build(photons, 1);
+        let bytes = map.memory_bytes() as f64 / count;
+        assert!((bytes / MAP_BYTES - 1.0).abs() < 0.01, "{bytes}");
+    }
+
+    #[test]
+    fn too_many_photons_are_refused_with_a_remedy() {
+        let counts = PhotonCounts { global: 100_000_000, caustic: 200_000_000 };
+        let needed = at_worst(counts, true);
+        assert!((needed - (100e6 * (20.25 + 5.75) + 200e6 * 40.5)).abs() < 1.0, "{needed}");
+        assert_eq!(counts.check_against(true, Some(needed as u64)), Ok(()));
+        assert_eq!(counts.check_against(true, None), Ok(()));
+        let refused = counts.check_against(true, Some(4_000_000_000)).unwrap_err().to_string();
+        for part in ["10.7 GB", "4.0 GB are available", "--caustic-photons", "--photons-memory 1.6GB"] {
+            assert!(refused.contains(part), "no `{part}` in {refused}");
+        }
+        let beyond = PhotonCounts { global: 1 << 40, caustic: 0 };
+        let refused = beyond.check_against(false, None).unwrap_err().to_string();
+        assert!(refused.contains("1099511627776 photons in the global map"), "{refused}");
+    }
+
+    #[test]
+    fn meminfo_is_read() {
+        let text = "MemTotal:       8000000 kB\nMemAvailable:    4000 kB\n";
+        assert_eq!(kilobytes(text, "MemAvailable:"), Some(4_096_000));
+        assert_eq!(kilobytes(text, "Swap:"), None);
+        assert_eq!(kilobytes("MemAvailable: what\n", "MemAvailable:"), None);
+    }
+}

@@ -1,0 +1,74 @@
+//! Textures of materials, resolved where a surface is hit.
+
+use super::render_space::RenderSpace;
+use super::surface::SurfaceInteraction;
+use crate::bsdf::Bsdf;
+use crate::math::{Rgb, unit_f64};
+use crate::textures::SolidTexture;
+use glam::Vec3;
+
+/// What varies over the surfaces of a material. Materials without textures have the default, which costs nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MaterialTexture {
+    /// Factor on the reflectance.
+    pub colour: Option<SolidTexture>,
+    /// Tilts the shading normal.
+    pub bump: Option<Bump>,
+}
+
+/// A surface raised by a pattern, as far as its normals show it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bump {
+    /// The pattern; its colours do not count.
+    pub texture: SolidTexture,
+    /// Height in metres of a pattern value of 1 over one of 0.
+    pub height: f64,
+}
+
+impl MaterialTexture {
+    /// True where nothing varies.
+    pub fn is_plain(&self) -> bool {
+        self.colour.is_none() && self.bump.is_none()
+    }
+
+    /// Looks the textures up at a hit.
+    pub(super) fn apply(&self, hit: &mut SurfaceInteraction, space: &RenderSpace) {
+        let world = hit.point.position.as_dvec3() / space.scale + space.center;
+        if let Some(texture) = &self.colour {
+            hit.tint = texture.colour(world);
+        }
+        if let Some(Bump { texture, height }) = &self.bump {
+            // The normal of a surface that is raised along its own normal (Blinn 1978), in three dimensions.
+            let normal = hit.shading_normal.as_dvec3();
+            let slope = *height * texture.gradient(world);
+            let tilted = unit_f64(normal - (slope - normal * slope.dot(normal)));
+            if let Some(tilted) = tilted.map(|normal| normal.as_vec3())
+                && is_beside(tilted, hit.point.normal)
+            {
+                hit.shading_normal = tilted;
+            }
+        }
+    }
+}
+
+fn is_beside(shading: Vec3, geometric: Vec3) -> bool {
+    shading.dot(geometric) > 0.0
+}
+
+/// The BSDF with its reflectance, or what is diffuse of it, multiplied by `tint`. Metals and interfaces between media have
+/// a colour of their own.
+pub(super) fn tinted(bsdf: Bsdf, tint: Rgb) -> Bsdf {
+    match bsdf {
+        Bsdf::Lambert(mut lambert) => {
+            lambert.reflectance *= tint;
+            Bsdf::Lambert(lambert)
+        }
+        Bsdf::Mirror(mut mirror) => {
+            mirror.reflectance *= tint;
+            Bsdf::Mirror(mirror)
+        }
+        Bsdf::Schlick(schlick) => Bsdf::Schlick(schlick.tinted(tint)),
+        Bsdf::Ward(ward) => Bsdf::Ward(ward.tinted(tint)),
+        Bsdf::Conductor(_) | Bsdf::Dielectric(_) | Bsdf::RoughDielectric(_) => bsdf,
+    }
+}

@@ -1,0 +1,33 @@
+//! Meshes that a scene file describes by what they are made from, rather than by their triangles.
+
+mod heights;
+mod lathe;
+mod teapot;
+
+pub use heights::mesh_of_heights;
+pub use lathe::{Curve, Lathe};
+pub use teapot::Teapot;
+
+use super::mesh::TriangleMesh;
+
+/// Most triangles that a generated mesh may have.
+pub const MOST_TRIANGLES: u64 = 100_000_000;
+
+/// What a mesh is made from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Generator {
+    /// A surface of revolution.
+    Lathe(Lathe),
+    /// The teapot of Newell (1975).
+    Teapot(Teapot),
+}
+
+impl Generator {
+    /// The mesh, in the shape's own space.
+    pub fn mesh(&self) -> TriangleMesh {
+        match self {
+            Self::Lathe(lathe) => lathe.mesh(),
+            Self::Teapot(teapot) => teapot.mesh(),
+        }
+    }
+}

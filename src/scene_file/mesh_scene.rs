@@ -1,0 +1,34 @@
+//! The scene around a mesh that comes alone: `scenes/mesh.toml`, carried by the program.
+
+use super::description::SceneDescription;
+use super::diagnostic::SceneFileError;
+use super::parse::parse_scene;
+use std::path::Path;
+
+/// Endings of the mesh files that are read.
+pub const MESH_EXTENSIONS: &[&str] = &["ply", "obj", "stl"];
+
+/// The text of `scenes/mesh.toml`.
+pub(super) const MESH_SCENE: &str = include_str!("../../scenes/mesh.toml");
+
+/// What messages call that text.
+pub const MESH_SCENE_NAME: &str = "mesh.toml (built in)";
+
+/// Whether a file is a mesh by its name.
+pub fn is_mesh_file(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    MESH_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known))
+}
+
+/// The mesh on the ground, scaled to a size of 1, in sun and sky, with a camera that sees all of it. `parameters` are those
+/// of `scenes/mesh.toml`; `mesh` is this file. Its name in messages is the mesh's.
+///
+/// # Errors
+/// As [`super::load_scene`].
+pub fn mesh_scene(mesh: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, SceneFileError> {
+    let mut parameters = parameters.to_vec();
+    parameters.push(("mesh".into(), mesh.to_string_lossy().into_owned()));
+    let mut description = parse_scene(MESH_SCENE, Path::new(MESH_SCENE_NAME), &parameters)?;
+    description.name = mesh.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(description)
+}

@@ -1,0 +1,94 @@
+use super::*;
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+
+fn parse(text: &str) -> Result<ObjFile, String> {
+    parse_obj(text.as_bytes()).map_err(|(place, problem)| format!("x.obj{place}: {problem}"))
+}
+
+#[test]
+fn faces_normals_and_materials() {
+    let text = format!(
+        "# made by hand\nmtllib a b.mtl\n{SQUARE}vt 0 0\nvn 0 0 2\nf 1//1 2//1 \\\n 3//1\nusemtl red\nf -4 -2/1 -1/-1/1 # back\n\
+         usemtl blue\nf 1 2 3 4\nusemtl red\nf 1 2 4\nl 1 2\nf 1 2\nf 1 1 2\n"
+    );
+    let obj = parse(&text).unwrap();
+    assert_eq!(obj.libraries, [(PathBuf::from("a b.mtl"), 2)]);
+    let parts: Vec<_> =
+        obj.parts.iter().map(|part| (part.material.as_deref(), part.triangles.len())).collect();
+    assert_eq!(parts, [(None, 1), (Some("red"), 2), (Some("blue"), 2)]);
+    assert_eq!(
+        (obj.report.short_faces, obj.report.degenerate_triangles, obj.report.other_elements),
+        (1, 1, 1)
+    );
+    // Positions with and without a normal are two vertices; those with it have it.
+    assert_eq!(obj.positions.len(), 3 + 4 + 1);
+    let normals = obj.normals.as_ref().unwrap();
+    assert_eq!(obj.parts[0].triangles[0].map(|v| normals[v as usize]), [Vec3::Z; 3]);
+    let meshes = obj.clone().into_meshes();
+    assert_eq!(meshes[1].1.positions.len(), 5);
+    for ((_, mesh), part) in meshes.iter().zip(&obj.parts) {
+        for (own, whole) in mesh.triangles.iter().zip(&part.triangles) {
+            assert_eq!(mesh.positions.corners(*own), obj.positions.corners(*whole));
+        }
+    }
+    assert_eq!(obj.into_mesh().0.triangles.len(), 5);
+}
+
+#[test]
+fn what_is_wrong_is_told_with_its_line() {
+    for (text, parts) in [
+        (format!("{SQUARE}f 1 2 5"), [":5:", "5 is not one of the 4 vertices"]),
+        (format!("{SQUARE}f 0 1 2"), [":5:", "0 is not one of the 4 vertices"]),
+        (format!("{SQUARE}f -5 1 2"), [":5:", "-5 is not one"]),
+        (format!("{SQUARE}f 1/1 2 3"), [":5:", "1 is not one of the 0 texture coordinates"]),
+        (format!("{SQUARE}f 1//2 2 3"), [":5:", "2 is not one of the 0 normals"]),
+        (format!("{SQUARE}f 1 2 x"), [":5:", "`x` is not a number"]),
+        (format!("{SQUARE}f 1 2 99999999999999999999"), [":5:", "is not a number"]),
+        ("v 0 0".to_owned(), [":1:", "ends before z"]),
+        ("v 0 0 zero".to_owned(), [":1:", "`zero`"]),
+    ] {
+        let message = parse(&text).unwrap_err();
+        assert!(parts.iter().all(|part| message.contains(part)), "{text}: {message}");
+    }
+}
+
+#[test]
+fn empty_nan_and_cut_files() {
+    assert!(parse("").unwrap().into_mesh().0.triangles.is_empty());
+    let (mesh, report) = parse("v nan 0 0\nv 1.#IND 0 0\nv 0 1 0\nf 1 2 3").unwrap().into_mesh();
+    assert_eq!((mesh.triangles.len(), report.non_finite_triangles), (0, 1));
+    let text = format!("{SQUARE}vn 0 0 1\nusemtl a\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n");
+    for sixteenth in 0..=16 {
+        // A mesh of what is there, or an error.
+        match parse(&text[..text.len() * sixteenth / 16]) {
+            Ok(obj) => assert!(obj.into_mesh().0.triangles.len() <= 2),
+            Err(message) => assert!(message.contains("again"), "{message}"),
+        }
+    }
+}
+
+#[test]
+fn materials_become_the_nearest() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mtl");
+    let text = "Kd 1 1 1\nnewmtl matt\nKd 0.2 0.4 0.6\nnewmtl shiny\nKd 0.5 0.5 0.5\nKs 0.3\nNs 198\nillum 2\n\
+        newmtl glass\nd 0.1\nNi 1.33\nnewmtl mirror\nKd 0 0 0\nKs 0.9 0.9 0.9\nillum 3\nnewmtl loud\nKd 1 1 1\nKs 1 1 1\n";
+    std::fs::write(&path, text).unwrap();
+    let materials = read_mtl(&path).unwrap();
+    let finish = |name: &str| materials.iter().find(|material| material.name == name).unwrap().finish;
+    assert_eq!(finish("matt"), MtlFinish::Lambert(Vec3::new(0.2, 0.4, 0.6)));
+    assert_eq!(
+        finish("shiny"),
+        MtlFinish::Ward { diffuse: Vec3::splat(0.5), gloss: Vec3::splat(0.3), roughness: 0.1 }
+    );
+    assert_eq!(finish("glass"), MtlFinish::Glass(1.33));
+    assert_eq!(finish("mirror"), MtlFinish::Mirror(Vec3::splat(0.9)));
+    assert_eq!(
+        finish("loud"),
+        MtlFinish::Ward { diffuse: Vec3::splat(0.5), gloss: Vec3::splat(0.5), roughness: 1.0 }
+    );
+    std::fs::write(&path, "newmtl a\nKd 1 x 1").unwrap();
+    let message = read_mtl(&path).unwrap_err().to_string();
+    assert!(message.contains("a.mtl:2: `x`"), "{message}");
+}

@@ -1,0 +1,105 @@
+//! `[textures.NAME]`, and how materials refer to them.
+
+use super::names::Names;
+use super::transform::{in_metres, transform_of};
+use crate::math::Rgb;
+use crate::scene_file::description::*;
+use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, POSITIVE, Table, Value};
+use crate::textures::{Octaves, Pattern, SolidTexture};
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Noise,
+    Turbulence,
+    Marble,
+    Wood,
+}
+
+const KINDS: &[(&str, Kind)] = &[
+    ("noise", Kind::Noise),
+    ("turbulence", Kind::Turbulence),
+    ("marble", Kind::Marble),
+    ("wood", Kind::Wood),
+];
+
+/// Exponents of marble; beyond, veins are thinner than any detail.
+const SHARPNESS: Expected =
+    Expected { what: "a number above 0 and at most 64", example: "1.0", holds: |x| x > 0.0 && x <= 64.0 };
+
+/// Finest detail over size where the file does not say.
+const FINEST: f64 = 1.0 / 32.0;
+
+/// Textures by name.
+pub(super) fn read_textures(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<SolidTexture>>, Names) {
+    let mut names = Names::new("texture");
+    let mut textures = Vec::new();
+    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
+        let name = value.name();
+        names.add(name, span.clone());
+        let example = format!("write `[textures.{name}]` and below it `type = \"marble\"`");
+        let texture = value
+            .table(format!("[textures.{name}]"), &example)
+            .and_then(|table| read_texture(table, unit))
+            .unwrap_or(SolidTexture {
+                pattern: Pattern::Noise(Octaves { size: 1.0, finest: 1.0, seed: 0 }),
+                low: Rgb::ZERO,
+                high: Rgb::ONE,
+                to_texture: glam::DAffine3::IDENTITY,
+            });
+        let location = value.context().location(&span);
+        textures.push(Named { name: name.to_string(), location, value: texture });
+    }
+    (textures, names)
+}
+
+fn read_texture(mut table: Table<'_>, unit: f64) -> Option<SolidTexture> {
+    let kind = table.required("type", "\"marble\"", |value| value.choice(KINDS));
+    let size = table.required("size", "0.2", |value| value.number(&POSITIVE));
+    let finest = table.optional("finest", |value| value.number(&POSITIVE));
+    let seed = table.or("seed", 0, |value| value.integer(0..=u64::from(u32::MAX)));
+    let low = table.or("low", Rgb::ZERO, read_colour);
+    let high = table.or("high", Rgb::ONE, read_colour);
+    let (size, finest) = (size?, finest?.unwrap_or(FINEST * size?));
+    let octaves = Octaves { size, finest, seed: u32::try_from(seed?).ok()? };
+    let spacing = |table: &mut Table<'_>| table.or("spacing", size, |value| value.number(&POSITIVE));
+    let distortion =
+        |table: &mut Table<'_>, usual| table.or("distortion", usual, |value| value.number(&NON_NEGATIVE));
+    let pattern = match kind? {
+        Kind::Noise => Some(Pattern::Noise(octaves)),
+        Kind::Turbulence => Some(Pattern::Turbulence(octaves)),
+        Kind::Marble => {
+            let (spacing, distortion) = (spacing(&mut table), distortion(&mut table, 1.0));
+            let sharpness = table.or("sharpness", 1.0, |value| value.number(&SHARPNESS));
+            let (spacing, distortion, sharpness) = (spacing?, distortion?, sharpness?);
+            Some(Pattern::Marble { octaves, spacing, distortion, sharpness })
+        }
+        Kind::Wood => {
+            let (spacing, distortion) = (spacing(&mut table), distortion(&mut table, 0.3));
+            Some(Pattern::Wood { octaves, spacing: spacing?, distortion: distortion? })
+        }
+    };
+    let transform = transform_of(&mut table);
+    table.finish();
+    // Lengths of the texture are those of the file.
+    let to_texture =
+        (in_metres(transform?, unit) * glam::DAffine3::from_scale(glam::DVec3::splat(unit))).inverse();
+    Some(SolidTexture { pattern: pattern?, low: low?, high: high?, to_texture })
+}
+
+fn read_colour(value: Value<'_>) -> Option<Rgb> {
+    value.colour(&FRACTION).map(|colour| colour.as_vec3())
+}
+
+/// `texture = "NAME"` and `bump = { texture = "NAME", height = 0.01 }` of a material.
+pub(super) fn read_look(table: &mut Table<'_>, textures: &Names, unit: f64) -> MaterialLook {
+    let colour = table.get("texture").and_then(|value| textures.find(value));
+    let bump = table.get("bump").and_then(|value| {
+        let mut table =
+            value.table("`bump`", "write for example `bump = { texture = \"NAME\", height = 0.01 }`")?;
+        let texture = table.required("texture", "\"NAME\"", |value| textures.find(value));
+        let height = table.required("height", "0.01", |value| value.number(&POSITIVE));
+        table.finish();
+        Some((texture?, height? * unit))
+    });
+    MaterialLook { colour, bump }
+}

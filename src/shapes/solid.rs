@@ -1,0 +1,337 @@
+use super::span::Span;
+use super::torus::torus_roots;
+use super::{ShapeError, error_bound, finite, grown, positive_radius, tangents};
+use crate::embree::SurfacePoint;
+use crate::math::{Bounds3, Ray, unit_f64};
+use arrayvec::ArrayVec;
+use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2};
+use std::f64::consts::TAU;
+
+/// A closed body under any affine transform: what [`super::Csg`] is made of. Normals point outward.
+///
+/// Each body has a space of its own in which it is of size one, and to which rays are taken in `f64`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solid {
+    form: Form,
+    center: DVec3,
+    to_object: DMat3,
+    to_local: DMat3,
+}
+
+/// A body in its own space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Form {
+    /// Radius 1 around zero.
+    Sphere,
+    /// `[-1, 1]^3`.
+    Box,
+    /// Around z from -1 to 1, radius `middle - taper z`: 1 at the base, 0 to 1 at the top. Closed by discs.
+    Cone { middle: f64, taper: f64 },
+    /// Around z, middle circle of radius 1.
+    Torus { minor: f64 },
+    /// Around z: between a front through `z = front` and a back through `z = -back` with these curvatures (one over
+    /// the radius, 0 for a plane), within the cylinder of radius 1.
+    Lens { front: f64, back: f64, front_curvature: f64, back_curvature: f64 },
+}
+
+/// Most crossings of a line with one body.
+pub(super) const MOST_CROSSINGS: usize = 4;
+
+/// Crossings of a line with a body, ascending: parameter and face. The line is outside before the first, and each
+/// changes sides.
+pub(super) type SolidCrossings = ArrayVec<(f64, u8), MOST_CROSSINGS>;
+
+/// Side, base and top of a cone.
+const SIDE: u8 = 0;
+const BASE: u8 = 1;
+const TOP: u8 = 2;
+/// Faces of a lens.
+const FRONT: u8 = 0;
+const BACK: u8 = 1;
+const RIM: u8 = 2;
+
+impl Solid {
+    fn new(form: Form, center: DVec3, to_object: DMat3) -> Result<Self, ShapeError> {
+        let to_local = to_object.inverse();
+        if !(finite(center)?.is_finite() && to_object.is_finite() && to_local.is_finite()) {
+            return Err(ShapeError::NoArea);
+        }
+        Ok(Self { form, center, to_object, to_local })
+    }
+
+    /// A ball.
+    pub fn sphere(center: DVec3, radius: f64) -> Result<Self, ShapeError> {
+        Self::new(Form::Sphere, center, DMat3::from_diagonal(DVec3::splat(positive_radius(radius)?)))
+    }
+
+    /// The box between two opposite corners, along the axes.
+    pub fn cuboid(min: DVec3, max: DVec3) -> Result<Self, ShapeError> {
+        let half = 0.5 * (finite(max)? - finite(min)?);
+        if !half.cmpgt(DVec3::ZERO).all() {
+            return Err(ShapeError::NoArea);
+        }
+        Self::new(Form::Box, min + half, DMat3::from_diagonal(half))
+    }
+
+    /// A cylinder with both ends closed.
+    pub fn cylinder(base: DVec3, top: DVec3, radius: f64) -> Result<Self, ShapeError> {
+        Self::cone(base, top, radius, radius)
+    }
+
+    /// A cone with a closed base, cut off and closed at the top where `top_radius` is not zero. One of the radii may be
+    /// zero.
+    pub fn cone(base: DVec3, top: DVec3, base_radius: f64, top_radius: f64) -> Result<Self, ShapeError> {
+        let (base, top, wide, narrow) = if base_radius >= top_radius {
+            (base, top, base_radius, top_radius)
+        } else {
+            (top, base, top_radius, base_radius)
+        };
+        let wide = positive_radius(wide)?;
+        if !(narrow >= 0.0) {
+            return Err(ShapeError::Radius(narrow));
+        }
+        let half = 0.5 * (finite(top)? - finite(base)?);
+        let axis = unit_f64(half).ok_or(ShapeError::NoArea)?;
+        let (x, y) = tangents(axis);
+        let ratio = narrow / wide;
+        let form = Form::Cone { middle: 0.5 * (1.0 + ratio), taper: 0.5 * (1.0 - ratio) };
+        Self::new(form, base + half, DMat3::from_cols(x * wide, y * wide, half))
+    }
+
+    /// A ring: all points within `minor` of a circle of radius `major` around `axis`. `minor` is below `major`.
+    pub fn torus(center: DVec3, axis: DVec3, major: f64, minor: f64) -> Result<Self, ShapeError> {
+        let (major, minor) = (positive_radius(major)?, positive_radius(minor)?);
+        if !(minor < major) {
+            return Err(ShapeError::Radius(minor));
+        }
+        let axis = unit_f64(finite(axis)?).ok_or(ShapeError::NoArea)?;
+        let (x, y) = tangents(axis);
+        let frame = DMat3::from_cols(x * major, y * major, axis * major);
+        Self::new(Form::Torus { minor: minor / major }, center, frame)
+    }
+
+    /// What two spheres and a cylinder of radius `aperture` around `axis` have in common: `thickness` is that on the
+    /// axis, half of it on each side of `center`. The surface towards `axis` has the radius of curvature `front`, the
+    /// other `back`; infinity makes it plane. Where the spheres meet inside the aperture, the lens ends there.
+    pub fn lens(
+        center: DVec3,
+        axis: DVec3,
+        aperture: f64,
+        thickness: f64,
+        [front, back]: [f64; 2],
+    ) -> Result<Self, ShapeError> {
+        let (aperture, thickness) = (positive_radius(aperture)?, positive_radius(thickness)?);
+        for radius in [front, back] {
+            if radius != f64::INFINITY {
+                positive_radius(radius)?;
+            }
+            // The far side of a ball would come back into the lens.
+            if !(2.0 * radius >= thickness) {
+                return Err(ShapeError::Radius(radius));
+            }
+        }
+        let axis = unit_f64(finite(axis)?).ok_or(ShapeError::NoArea)?;
+        let (x, y) = tangents(axis);
+        let half = 0.5 * thickness / aperture;
+        let form = Form::Lens {
+            front: half,
+            back: half,
+            front_curvature: aperture / front,
+            back_curvature: aperture / back,
+        };
+        Self::new(form, center, DMat3::from_cols(x * aperture, y * aperture, axis * aperture))
+    }
+
+    /// The body under a transform, which must not flatten it.
+    pub fn transformed(&self, transform: &DAffine3) -> Result<Self, ShapeError> {
+        let center = transform.transform_point3(self.center);
+        Self::new(self.form, center, transform.matrix3 * self.to_object)
+    }
+
+    /// Number of its faces.
+    pub(super) fn faces(&self) -> u8 {
+        match self.form {
+            Form::Sphere | Form::Torus { .. } => 1,
+            Form::Box => 6,
+            Form::Cone { .. } | Form::Lens { .. } => 3,
+        }
+    }
+
+    /// Radius in its own space of a sphere around zero that contains the body.
+    fn reach(&self) -> f64 {
+        match self.form {
+            Form::Sphere => 1.0,
+            Form::Box => 3f64.sqrt(),
+            Form::Cone { .. } => 2f64.sqrt(),
+            Form::Torus { minor } => 1.0 + minor,
+            Form::Lens { front, back, .. } => 1f64.hypot(front.max(back)),
+        }
+    }
+
+    /// A sphere around the body.
+    pub(super) fn around(&self) -> (DVec3, f64) {
+        // No vector grows by more than the Frobenius norm, and of a scaled rotation that is too much by sqrt(3).
+        let [x, y, z] = [self.to_object.x_axis, self.to_object.y_axis, self.to_object.z_axis];
+        let norm = (x.length_squared() + y.length_squared() + z.length_squared()).sqrt();
+        let longest = x.length().max(y.length()).max(z.length());
+        let slack = 1e-9 * longest * longest;
+        let right = x.dot(y).abs() <= slack && y.dot(z).abs() <= slack && z.dot(x).abs() <= slack;
+        (self.center, self.reach() * if right { longest } else { norm } * (1.0 + 1e-9))
+    }
+
+    /// A box around the body.
+    pub fn bounds(&self) -> Bounds3 {
+        let rows = self.to_object.transpose();
+        let [x, y, z] = [rows.x_axis, rows.y_axis, rows.z_axis];
+        // Half extents along each axis: of an ellipsoid, a box, or what turns around z.
+        let round =
+            |row: DVec3, radius: f64, height: f64| radius * row.truncate().length() + height * row.z.abs();
+        let half = [x, y, z].map(|row| match self.form {
+            Form::Sphere => row.length(),
+            Form::Box => row.abs().element_sum(),
+            Form::Cone { .. } => round(row, 1.0, 1.0),
+            Form::Torus { minor } => row.truncate().length() + minor * row.length(),
+            Form::Lens { front, back, .. } => round(row, 1.0, front.max(back)),
+        });
+        let half = DVec3::from_array(half);
+        grown(Bounds3 { min: self.center - half, max: self.center + half })
+    }
+
+    /// Where the line through `ray` meets the surface. Errors are those of a few roundings in `f64` of the distance of
+    /// its origin and the size of the body. Empty for a direction of zero and for NaN.
+    #[inline]
+    pub(super) fn crossings(&self, ray: &Ray) -> SolidCrossings {
+        let mut found = SolidCrossings::new();
+        let origin = self.to_local * (ray.origin.as_dvec3() - self.center);
+        let direction = self.to_local * ray.direction.as_dvec3();
+        let length = direction.length();
+        let u = direction / length;
+        // From the point closest to the centre on, the numbers are of size one.
+        let start = -origin.dot(u);
+        let p = origin + start * u;
+        let reach = self.reach();
+        if !(p.length_squared() < reach * reach && length < f64::INFINITY) {
+            return found;
+        }
+        let mut push = |(s, face): (f64, u8)| found.push(((start + s) / length, face));
+        match self.form {
+            Form::Sphere => {
+                let distance = p.length();
+                let half = ((1.0 - distance) * (1.0 + distance)).max(0.0).sqrt();
+                push((-half, 0));
+                push((half, 0));
+            }
+            Form::Torus { minor } => torus_roots(p, u, minor).into_iter().for_each(|s| push((s, 0))),
+            _ => self.span(p, u).ends().into_iter().flatten().for_each(push),
+        }
+        found
+    }
+
+    /// Where the line `p + s u` is inside, for the convex forms with several faces.
+    fn span(&self, p: DVec3, u: DVec3) -> Span {
+        match self.form {
+            Form::Sphere | Form::Torus { .. } => Span::ALL,
+            Form::Box => {
+                Span::slab(p.x, u.x, 0, 1).and(Span::slab(p.y, u.y, 2, 3)).and(Span::slab(p.z, u.z, 4, 5))
+            }
+            Form::Cone { middle, taper } => {
+                let w = middle - taper * p.z;
+                let a = u.truncate().length_squared() - taper * taper * u.z * u.z;
+                let b = p.truncate().dot(u.truncate()) + taper * w * u.z;
+                let c = p.truncate().length_squared() - w * w;
+                // Of a double cone the half below the apex, which the line is in before it where it rises.
+                Span::quadric(a, b, c, SIDE, u.z > 0.0).and(Span::slab(p.z, u.z, BASE, TOP))
+            }
+            Form::Lens { front, back, front_curvature, back_curvature } => {
+                let cap = |apex: f64, curvature: f64, side: f64, face: u8| {
+                    let q = p - DVec3::new(0.0, 0.0, side * apex);
+                    let b = curvature * q.dot(u) + side * u.z;
+                    let c = curvature * q.length_squared() + 2.0 * side * q.z;
+                    Span::quadric(curvature, b, c, face, false)
+                };
+                let flat = u.truncate();
+                let rim = Span::quadric(
+                    flat.length_squared(),
+                    p.truncate().dot(flat),
+                    p.truncate().length_squared() - 1.0,
+                    RIM,
+                    false,
+                );
+                cap(front, front_curvature, 1.0, FRONT).and(cap(back, back_curvature, -1.0, BACK)).and(rim)
+            }
+        }
+    }
+
+    /// The point of `face` next to the point at `t` of `ray`.
+    pub(super) fn refine(&self, ray: &Ray, t: f64, face: u8) -> SurfacePoint {
+        let origin = self.to_local * (ray.origin.as_dvec3() - self.center);
+        let near = origin + t * (self.to_local * ray.direction.as_dvec3());
+        let (local, normal) = self.onto_face(near, face);
+        let normal = unit_f64(self.to_local.transpose() * normal).unwrap_or(DVec3::Y);
+        let across = local.y.atan2(local.x) / TAU;
+        let uv = match (self.form, face) {
+            (Form::Box, 0 | 1) => local.truncate().with_x(local.z),
+            (Form::Box, 2 | 3) => DVec2::new(local.x, local.z),
+            (Form::Box, _) => local.truncate(),
+            (Form::Torus { .. }, _) => {
+                let tube = local.z.atan2(local.truncate().length() - 1.0);
+                DVec2::new(across.rem_euclid(1.0), (tube / TAU).rem_euclid(1.0)) * 2.0 - 1.0
+            }
+            _ => DVec2::new(across.rem_euclid(1.0) * 2.0 - 1.0, local.z),
+        };
+        let uv = (0.5 * (uv + 1.0)).clamp(DVec2::ZERO, DVec2::ONE).as_vec2();
+        let extent = self.around().1;
+        SurfacePoint::new(
+            self.center + self.to_object * local,
+            error_bound(self.center, extent),
+            normal,
+            Vec2::new(uv.x, uv.y),
+        )
+    }
+
+    /// The point of a face near `p`, and the outward normal there, of any length.
+    fn onto_face(&self, p: DVec3, face: u8) -> (DVec3, DVec3) {
+        let (flat, radius) = (p.truncate(), p.truncate().length());
+        let outward = if radius > 0.0 { flat / radius } else { DVec2::X };
+        match self.form {
+            Form::Sphere => {
+                let normal = unit_f64(p).unwrap_or(DVec3::Y);
+                (normal, normal)
+            }
+            Form::Box => {
+                let (axis, sign) = (usize::from(face / 2), if face.is_multiple_of(2) { -1.0 } else { 1.0 });
+                let mut point = p.clamp(DVec3::NEG_ONE, DVec3::ONE);
+                point[axis] = sign;
+                (point, DVec3::AXES[axis] * sign)
+            }
+            Form::Cone { middle, taper } => {
+                let z = match face {
+                    BASE => -1.0,
+                    TOP => 1.0,
+                    _ => p.z.clamp(-1.0, 1.0),
+                };
+                let edge = middle - taper * z;
+                match face {
+                    SIDE => ((outward * edge).extend(z), outward.extend(taper)),
+                    _ => ((outward * radius.min(edge)).extend(z), DVec3::new(0.0, 0.0, z)),
+                }
+            }
+            Form::Torus { minor } => {
+                let middle = outward.extend(0.0);
+                let normal = unit_f64(p - middle).unwrap_or(DVec3::Z);
+                (middle + minor * normal, normal)
+            }
+            Form::Lens { .. } if face == RIM => (outward.extend(p.z), outward.extend(0.0)),
+            Form::Lens { front, back, front_curvature, back_curvature } => {
+                let (apex, curvature, side) =
+                    if face == FRONT { (front, front_curvature, 1.0) } else { (back, back_curvature, -1.0) };
+                // Onto the cap along the axis: its sagitta, by the form that a plane has as well.
+                let radius = radius.min(1.0).min(1.0 / curvature);
+                let cos = (1.0 - (curvature * radius).powi(2)).max(0.0).sqrt();
+                let sagitta = curvature * radius * radius / (1.0 + cos);
+                let point = (outward * radius).extend(side * (apex - sagitta));
+                (point, (outward * (curvature * radius)).extend(side * cos))
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Gradient noise of Perlin ("An Image Synthesizer", 1985) with the fifth-degree blend of his "Improving Noise" (2002),
+//! over hashed lattice points instead of a table, so that it does not repeat within 2^32 units.
+
+use glam::DVec3;
+
+/// Scales the largest value that the gradients below can make to about 1.
+const SCALE: f64 = 0.97;
+
+/// Band-limited noise: mean 0, within [-1, 1], features of about one unit, zero at integer points. The same for the same
+/// `seed` and place on every machine. Places beyond 2^31 units wrap around.
+pub fn noise(p: DVec3, seed: u32) -> f64 {
+    let cell = p.floor();
+    let f = p - cell;
+    let [x, y, z] = cell.to_array().map(|c| c.rem_euclid(4_294_967_296.0) as u32);
+    let blend = f * f * f * (f * (f * 6.0 - 15.0) + 10.0);
+    let corner = |i: u32, j: u32, k: u32| {
+        let offset = f - DVec3::new(f64::from(i), f64::from(j), f64::from(k));
+        gradient(hash(x.wrapping_add(i), y.wrapping_add(j), z.wrapping_add(k), seed), offset)
+    };
+    let mix = |a: f64, b: f64, s: f64| a + s * (b - a);
+    let edge = |j: u32, k: u32| mix(corner(0, j, k), corner(1, j, k), blend.x);
+    let face = |k: u32| mix(edge(0, k), edge(1, k), blend.y);
+    SCALE * mix(face(0), face(1), blend.z)
+}
+
+/// Product of `offset` with one of the twelve directions to the edges of a cube.
+fn gradient(hash: u32, offset: DVec3) -> f64 {
+    let DVec3 { x, y, z } = offset;
+    // Uniform over twelve to 1e-9.
+    let edge = (u64::from(hash) * 12) >> 32;
+    let (a, b) = match edge >> 2 {
+        0 => (x, y),
+        1 => (y, z),
+        _ => (z, x),
+    };
+    let signed = |v: f64, bit: u64| if edge & bit == 0 { v } else { -v };
+    signed(a, 1) + signed(b, 2)
+}
+
+/// A mix of lattice coordinates in which every bit of the input reaches every bit of the output.
+fn hash(x: u32, y: u32, z: u32, seed: u32) -> u32 {
+    let mut h = seed ^ 0x9e37_79b9;
+    for word in [x, y, z] {
+        h = (h ^ word).wrapping_mul(0x85eb_ca6b);
+        h ^= h >> 15;
+        h = h.wrapping_mul(0xc2b2_ae35);
+        h ^= h >> 13;
+    }
+    h ^ h >> 16
+}
+
+/// Sums of octaves of noise, each of half the wavelength and half the height of the one before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Octaves {
+    /// Wavelength of the first octave.
+    pub size: f64,
+    /// Octaves have no wavelength below this; the last ones fade out, from twice this on.
+    pub finest: f64,
+    /// Which noise.
+    pub seed: u32,
+}
+
+impl Octaves {
+    /// Most octaves that are summed: a factor of 10^6 in size.
+    const MOST: u32 = 20;
+
+    /// Wavelength over one unit, weight and number of each octave.
+    fn each(&self) -> impl Iterator<Item = (f64, f64, u32)> {
+        let Self { size, finest, .. } = *self;
+        (0..Self::MOST).map_while(move |k| {
+            let share = 0.5f64.powi(k as i32);
+            let wavelength = size * share;
+            // One above twice the finest, zero below it: what would be smaller is its own mean, which is zero.
+            let fade = (wavelength / finest - 1.0).clamp(0.0, 1.0);
+            (fade > 0.0 || k == 0).then_some((wavelength, share * fade.max(f64::from(k == 0)), k))
+        })
+    }
+
+    fn octave(&self, p: DVec3, wavelength: f64, k: u32) -> f64 {
+        // Each octave is another noise, so that their zeros do not fall together.
+        noise(p / wavelength, self.seed.wrapping_add(k.wrapping_mul(0x6d2b_79f5)))
+    }
+
+    /// Sum of signed octaves: mean 0, within [-2, 2].
+    pub fn fractal(&self, p: DVec3) -> f64 {
+        self.each().map(|(wavelength, weight, k)| weight * self.octave(p, wavelength, k)).sum()
+    }
+
+    /// Perlin's turbulence: sum of absolute octaves, with creases where they change sign. In [0, 2].
+    pub fn turbulence(&self, p: DVec3) -> f64 {
+        self.each().map(|(wavelength, weight, k)| weight * self.octave(p, wavelength, k).abs()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream};
+
+    fn random_point(rng: &mut Rng, size: f64) -> DVec3 {
+        size * (2.0 * DVec3::new(rng.next_f64(), rng.next_f64(), rng.next_f64()) - 1.0)
+    }
+
+    #[test]
+    fn mean_range_and_lattice() {
+        let mut rng = Rng::new(1, Stream::Measure, 0);
+        let (mut sum, mut squares, mut largest) = (0.0, 0.0, 0.0f64);
+        let count = 400_000;
+        for _ in 0..count {
+            let value = noise(random_point(&mut rng, 1000.0), 7);
+            sum += value;
+            squares += value * value;
+            largest = largest.max(value.abs());
+        }
+        let (mean, deviation) = (sum / f64::from(count), (squares / f64::from(count)).sqrt());
+        // Neighbouring points are not independent; the cells are, about one for each point here.
+        assert!(mean.abs() < 5.0 * deviation / f64::from(count).sqrt(), "{mean} of {deviation}");
+        assert!(largest <= 1.0 && largest > 0.8 && (0.2..0.35).contains(&deviation), "{largest} {deviation}");
+        for _ in 0..1000 {
+            assert_eq!(noise(random_point(&mut rng, 1e6).floor(), 7), 0.0);
+        }
+    }
+
+    #[test]
+    fn smooth_across_cells() {
+        let mut rng = Rng::new(2, Stream::Measure, 0);
+        for _ in 0..2000 {
+            let mut p = random_point(&mut rng, 50.0);
+            p.x = p.x.floor();
+            let h = 1e-5;
+            let at = |x: f64| noise(p.with_x(p.x + x), 3);
+            let (left, right) = ((at(0.0) - at(-h)) / h, (at(h) - at(0.0)) / h);
+            assert!((left - right).abs() < 1e-3, "{left} {right}");
+        }
+    }
+
+    #[test]
+    fn octaves_below_the_finest_are_left_out() {
+        let mut rng = Rng::new(3, Stream::Measure, 0);
+        let octaves = |finest: f64| Octaves { size: 1.0, finest, seed: 5 };
+        for _ in 0..100 {
+            let p = random_point(&mut rng, 10.0);
+            assert_eq!(octaves(1.0).fractal(p), noise(p, 5));
+            // Continuous in the cut-off: octaves fade instead of vanishing.
+            for k in 1..6 {
+                let finest = 0.5f64.powi(k);
+                let (below, above) = (octaves(finest * 0.999_999), octaves(finest * 1.000_001));
+                assert!((below.turbulence(p) - above.turbulence(p)).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn seeds_differ_and_repeat() {
+        let p = DVec3::new(0.3, 12.7, -8.1);
+        assert_eq!(noise(p, 1), noise(p, 1));
+        assert_ne!(noise(p, 1), noise(p, 2));
+        assert!(noise(DVec3::splat(1e15), 1).is_finite());
+    }
+}
