@@ -5,8 +5,7 @@
 #
 # Wall seconds of whole processes, scene loading and writing included: medians of REPEATS runs (3). Errors are free of the
 # reference's noise: mean((t - r1)(t - r2) / (r^2 + 0.01)). A run of one renderer is followed by one of the other, so
-# that a busy machine slows both. Each of our rows is measured against the POV-Ray row of least error whose time is not
-# much shorter.
+# that a busy machine slows both.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 repeats=${1:-3}
@@ -59,10 +58,11 @@ measure() { # file, scene, renderer, options
         "$(field "$out/errors.json" bias)" >"$file.error"
 }
 
-# Settings: a name, then options.
-cornell_diffuse=("draft|--quality draft" "draft, 16 samples|--quality draft --spp 16" "preview|--quality preview" "final|--quality final")
-cornell_spheres=("${cornell_diffuse[@]}")
-cardioid=("${cornell_diffuse[@]}")
+# Settings: a name, then options. Four for each scene.
+presets=("draft|--quality draft" "preview|--quality preview" "final|--quality final")
+cornell_diffuse=("fast: 2 samples, 20 k photons|--quality draft --spp 2 --global-photons 20k --cache-samples 64" "${presets[@]}")
+cornell_spheres=("fast: 8 samples, 50 k caustic photons, whole kernels|--quality draft --spp 8 --caustic-photons 50k --cache-samples 64 --visible-kernel false" "${presets[@]}")
+cardioid=("fast: 2 samples, 20 k photons|--quality draft --spp 2 --caustic-photons 20k" "${presets[@]}")
 pov_cornell_diffuse=(
     "POV-Ray, 40 rays|Gather=40 Bound=0.5 Lights=4 Pretrace=0.04 +R2"
     "POV-Ray, 150 rays|Gather=150 Bound=0.25 Lights=5 Pretrace=0.01 +R3"
