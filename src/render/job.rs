@@ -271,6 +271,8 @@ impl PixelPass<'_> {
             for group in tiles.chunks(TILES_AT_ONCE) {
                 let rendered: Vec<Option<(Tile, Counters, Vec<ShadowCounters>)>> = group
                     .par_iter()
+                    // One by one: whole halves of a row of tiles would leave threads without work at the end.
+                    .with_max_len(1)
                     .map_init(Scratch::default, |scratch, &rect| {
                         if self.observer.should_stop() {
                             return Ok(None);
