@@ -160,6 +160,7 @@ impl DirectionGuide {
         }
         guide.records = leaves
             .par_iter()
+            .with_max_len(16)
             .map_init(Scratch::default, |scratch, photons| {
                 let photon = map.photon(most_central(map, photons) as usize);
                 record(map, params, photon.position, photon.normal(), scratch)

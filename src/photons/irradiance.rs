@@ -102,6 +102,7 @@ impl PhotonMap {
         let stride = stride.max(1);
         let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
+            .with_max_len(256)
             .map_init(Scratch::default, |scratch, i| {
                 let photon = self.photon(i * stride);
                 let normal = photon.normal();

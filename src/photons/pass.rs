@@ -30,8 +30,11 @@ pub struct TracedPhotons {
     pub divided: Vec<LightId>,
 }
 
-/// Photons that one task traces.
-const CHUNK: u64 = 4096;
+/// Photons that one task traces: so few that no thread waits long for the last one.
+const CHUNK: u64 = 512;
+
+/// A short pass that stores fewer photons than this is made longer, whatever share of those asked for they are.
+const FEW: u64 = 4096;
 
 /// Parts of a short pass, whose counts tell how certain it is.
 const REPLICAS: u64 = 16;
@@ -157,7 +160,7 @@ impl Pass<'_> {
                 emitted >= FUTILE
             } else {
                 relative_error(&counts) <= CERTAIN
-                    || stored >= (LARGEST_SHARE * self.settings.stored as f64).max(CHUNK as f64)
+                    || stored >= (LARGEST_SHARE * self.settings.stored as f64).max(FEW as f64)
                     || emitted as f64 >= self.settings.stored as f64 * MOST_EMITTED_PER_STORED
             };
             if enough || prepass.stopped {

@@ -103,12 +103,15 @@ impl DecisionMap {
             let centers: Vec<Photon> = photons.iter().step_by(STRIDE).copied().collect();
             let map = PhotonMap::build(photons, 1);
             let surface = group[0].0;
-            places.par_extend(centers.par_iter().map_init(Scratch::default, |scratch, center| {
-                let reach = reach(&map, center, max_radius, scratch);
-                let class = if reach > 0.0 { center.class() } else { PhotonClass::Indirect };
-                let flags = normal_code(center.normal()) | (class as u16) << 12;
-                Place { position: center.position, surface, reach, flags }
-            }));
+            places.par_extend(centers.par_iter().with_max_len(256).map_init(
+                Scratch::default,
+                |scratch, center| {
+                    let reach = reach(&map, center, max_radius, scratch);
+                    let class = if reach > 0.0 { center.class() } else { PhotonClass::Indirect };
+                    let flags = normal_code(center.normal()) | (class as u16) << 12;
+                    Place { position: center.position, surface, reach, flags }
+                },
+            ));
         }
         let tree = KdTree::build(&mut places);
         let largest_reach = places.iter().map(|place| place.reach).fold(0.0, f32::max);

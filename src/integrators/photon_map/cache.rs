@@ -129,6 +129,7 @@ impl PhotonMapIntegrator<'_> {
             let computed: Vec<(Option<Record>, Counters)> = filling
                 .choose(&places)
                 .into_par_iter()
+                .with_max_len(1)
                 .map_init(Scratch::default, |scratch, chosen| {
                     let record =
                         if should_stop() { None } else { self.record(request, &candidates[chosen], scratch) };
