@@ -306,14 +306,14 @@ impl PixelPass<'_> {
 
     fn fill(&self, tile: &mut Tile, first: u32, count: u32, scratch: &mut Scratch) {
         let (width, height) = (self.request.width, self.request.height);
+        let Settings { seed, spp, .. } = self.request.settings;
         let size = Vec2::new(width as f32, height as f32);
         // Back from render space; a power of two, so nothing is rounded.
         let scale = 1.0 / self.scene.space().power;
         for (x, y) in tile.rect().pixels() {
-            let pixel = u64::from(y) * u64::from(width) + u64::from(x);
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             for index in first..first + count {
-                let mut samples = SampleStream::new(self.request.settings.seed, pixel, index);
+                let mut samples = SampleStream::of_pixel(seed, (x, y), index, spp);
                 let filtered = self.sampler.sample(samples.next_2d());
                 let ray = self.camera.ray((center + filtered.offset) / size);
                 let mut sample = self.integrator.li(ray, &mut samples, scratch);
