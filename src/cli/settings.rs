@@ -110,6 +110,10 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "BOOL")]
     visible_kernel: Option<bool>,
 
+    /// Camera samples of a pixel nearer than this share of the radius of a caustic estimate share it; 0 for none.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    caustic_reuse: Option<f32>,
+
     /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen.
     #[arg(long, value_enum)]
     shadow_photons: Option<ShadowArg>,
@@ -282,6 +286,7 @@ impl SettingsArgs {
             precomputed_irradiance: self.precomputed_irradiance,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
+            caustic_reuse: self.caustic_reuse,
             shadow_photons: self.shadow_photons.map(|mode| match mode {
                 ShadowArg::Off => ShadowMode::Off,
                 ShadowArg::AsPrinted => ShadowMode::AsPrinted,

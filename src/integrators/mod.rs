@@ -40,6 +40,8 @@ pub struct Scratch {
     pub counters: Counters,
     /// What shadow photons decided, by light; empty where they are not asked.
     pub shadows: Vec<ShadowCounters>,
+    /// Estimates that the camera samples of one pixel share.
+    remembered: photon_map::Remembered,
     /// Specular branches that wait for their turn.
     branches: Vec<specular::Branch>,
 }
@@ -65,6 +67,8 @@ pub struct Counters {
     pub global_lookups: u64,
     /// Estimates from the caustic map.
     pub caustic_lookups: u64,
+    /// Evaluations of caustics that took the estimate of another camera sample of the same pixel.
+    pub caustic_shared: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
     /// Surfaces at which photons took part in drawing directions.
@@ -118,6 +122,7 @@ impl AddAssign for Counters {
         self.path_rays += other.path_rays;
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
+        self.caustic_shared += other.caustic_shared;
         self.empty_lookups += other.empty_lookups;
         self.guided += other.guided;
         self.unguided += other.unguided;

@@ -8,6 +8,7 @@
 use super::Kernel;
 use crate::math::Frame;
 use glam::{Vec2, Vec3};
+use std::sync::LazyLock;
 
 /// Feeler rays around a point.
 pub const FEELERS: usize = 16;
@@ -33,6 +34,28 @@ fn direction(feeler: usize) -> Vec2 {
         _ => Vec2::new(v.y, -v.x),
     }
 }
+
+/// What is the same for every domain.
+struct Sector {
+    /// Between its feelers, radians.
+    angle: f32,
+    /// Directions between them and what each stands for, radians: Gauss-Legendre, as the integrands are smooth.
+    across: [(Vec2, f32); 3],
+}
+
+static SECTORS: LazyLock<[Sector; FEELERS]> = LazyLock::new(|| {
+    const NODES: [(f32, f32); 3] =
+        [(0.112_701_67, 0.277_777_8), (0.5, 0.444_444_45), (0.887_298_3, 0.277_777_8)];
+    std::array::from_fn(|sector| {
+        let from = direction(sector);
+        let angle = from.angle_to(direction((sector + 1) % FEELERS)).abs();
+        let node = |(node, weight)| (Vec2::from_angle(from.to_angle() + node * angle), weight * angle);
+        Sector { angle, across: NODES.map(node) }
+    })
+});
+
+/// Directions of the feelers.
+static DIRECTIONS: LazyLock<[Vec2; FEELERS]> = LazyLock::new(|| std::array::from_fn(direction));
 
 /// Number of the sector between two feelers in which `p` lies.
 fn sector_of(p: Vec2) -> usize {
@@ -68,7 +91,7 @@ impl KernelDomain {
         let mut domain = Self { frame, radius, reach: [length; FEELERS] };
         let mut free = true;
         let mut feel = |feeler: usize| {
-            let d = direction(feeler);
+            let d = DIRECTIONS[feeler];
             if let Some(found) = reach(frame.x * d.x + frame.y * d.y, length) {
                 domain.reach[feeler] = found.clamp(0.0, length);
                 free &= found >= length;
@@ -107,31 +130,25 @@ impl KernelDomain {
         let next = (sector + 1) % FEELERS;
         let (a, b) = (self.reach[sector], self.reach[next]);
         let length = STRETCH * self.radius;
-        (a < length || b < length).then(|| (direction(sector) * a, direction(next) * b))
+        (a < length || b < length).then(|| (DIRECTIONS[sector] * a, DIRECTIONS[next] * b))
     }
 
     /// Integral of the kernel over the domain, divided by the area of the whole disc: what
     /// [`Kernel::mean_weight`] is for a whole disc.
     pub fn mean_weight(&self, kernel: Kernel) -> f32 {
-        // Gauss-Legendre with three nodes across a sector and four along the radius; the integrands are smooth.
-        const ACROSS: [(f32, f32); 3] =
-            [(0.112_701_67, 0.277_777_8), (0.5, 0.444_444_45), (0.887_298_3, 0.277_777_8)];
         let whole = 0.5 * kernel.mean_weight();
         let mut sum = 0.0;
-        for sector in 0..FEELERS {
-            let angle = direction(sector).angle_to(direction((sector + 1) % FEELERS)).abs();
+        for (sector, Sector { angle, across }) in SECTORS.iter().enumerate() {
             let Some((a, b)) = self.ends(sector) else {
                 sum += angle * whole;
                 continue;
             };
-            let from = direction(sector).to_angle();
-            for (node, weight) in ACROSS {
-                let d = Vec2::from_angle(from + node * angle);
+            for &(d, weight) in across {
                 // Where the ray at this angle meets the line from a to b.
                 let along = b - a;
                 let distance = a.perp_dot(along) / d.perp_dot(along);
                 let share = if distance.is_finite() { (distance / self.radius).clamp(0.0, 1.0) } else { 0.0 };
-                sum += angle * weight * radial_integral(kernel, share);
+                sum += weight * radial_integral(kernel, share);
             }
         }
         sum / std::f32::consts::PI
@@ -140,6 +157,12 @@ impl KernelDomain {
 
 /// Integral of `K(t) t` for `t` from 0 to `end`.
 fn radial_integral(kernel: Kernel, end: f32) -> f32 {
+    match kernel {
+        Kernel::Constant => return 0.5 * end * end,
+        Kernel::Cone { k } if k >= 1.0 => return end * end * (0.5 - end / (3.0 * k)),
+        _ => (),
+    }
+    // Gauss-Legendre.
     const NODES: [(f32, f32); 4] = [
         (0.069_431_84, 0.173_927_42),
         (0.330_009_5, 0.326_072_58),

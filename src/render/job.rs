@@ -267,7 +267,7 @@ impl PixelPass<'_> {
         let mut done = 0u64;
         let mut first = 0;
         while first < spp {
-            let count = first.clamp(1, LARGEST_PASS).min(spp - first);
+            let count = (first * 3).clamp(1, LARGEST_PASS).min(spp - first);
             for group in tiles.chunks(TILES_AT_ONCE) {
                 let rendered: Vec<Option<(Tile, Counters, Vec<ShadowCounters>)>> = group
                     .par_iter()
@@ -311,6 +311,7 @@ impl PixelPass<'_> {
         // Back from render space; a power of two, so nothing is rounded.
         let scale = 1.0 / self.scene.space().power;
         for (x, y) in tile.rect().pixels() {
+            scratch.begin_pixel();
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             for index in first..first + count {
                 let mut samples = SampleStream::of_pixel(seed, (x, y), index, spp);

@@ -74,6 +74,7 @@ impl Settings {
             glossy_samples: self.glossy_samples,
             light_samples: self.light_samples,
             visible_kernel: self.visible_kernel,
+            caustic_reuse: self.caustic_reuse,
             max_depth: self.max_depth,
             accurate_distance: self.accurate_distance * scene_radius,
             approximate_weight: self.approximate_weight,

@@ -79,6 +79,8 @@ pub struct Overrides {
     pub light_samples: Option<u32>,
     /// Whether estimates leave out what cannot be seen from their centre.
     pub visible_kernel: Option<bool>,
+    /// Share of the radius of a caustic estimate within which camera samples of one pixel share it.
+    pub caustic_reuse: Option<f32>,
     /// Whether shadow photons tell where shadow rays are not needed.
     pub shadow_photons: Option<ShadowMode>,
     /// Rays that place shadow photons, of all lights together.
@@ -131,6 +133,7 @@ impl Overrides {
             precomputed_irradiance: self.precomputed_irradiance.or(below.precomputed_irradiance),
             light_samples: self.light_samples.or(below.light_samples),
             visible_kernel: self.visible_kernel.or(below.visible_kernel),
+            caustic_reuse: self.caustic_reuse.or(below.caustic_reuse),
             shadow_photons: self.shadow_photons.or(below.shadow_photons),
             shadow_photon_rays: self.shadow_photon_rays.or(below.shadow_photon_rays),
             show: self.show.or(below.show),
@@ -194,6 +197,8 @@ pub struct Settings {
     pub light_samples: u32,
     /// Whether estimates leave out what cannot be seen from their centre.
     pub visible_kernel: bool,
+    /// Share of the radius of a caustic estimate within which camera samples of one pixel share it.
+    pub caustic_reuse: f32,
     /// Whether shadow photons tell where shadow rays are not needed.
     pub shadow_photons: ShadowMode,
     /// Rays that place shadow photons, of all lights together.
@@ -263,6 +268,7 @@ impl Quality {
             precomputed_irradiance: true,
             light_samples: 1,
             visible_kernel: true,
+            caustic_reuse: if self == Self::Reference { 0.0 } else { 0.2 },
             // What it saves is less than it costs at one shadow ray per light: docs/shadow-photons.md.
             shadow_photons: ShadowMode::Off,
             shadow_photon_rays: 200_000,
@@ -308,6 +314,7 @@ impl From<&Overrides> for Settings {
             visible_kernel: asked
                 .visible_kernel
                 .unwrap_or(preset.visible_kernel && asked.estimator != Some(Estimator::AsPrinted)),
+            caustic_reuse: asked.caustic_reuse.unwrap_or(preset.caustic_reuse),
             shadow_photons: asked.shadow_photons.unwrap_or(preset.shadow_photons),
             shadow_photon_rays: asked.shadow_photon_rays.unwrap_or(preset.shadow_photon_rays),
             show: asked.show.unwrap_or(preset.show),

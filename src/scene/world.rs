@@ -415,7 +415,21 @@ impl Scene {
     /// Parameter and facing normal of the nearest hit of a ray whose direction may have any length.
     fn intersect_any_direction(&self, ray: &Ray) -> Option<(f32, Vec3)> {
         let hit = self.parts.embree.intersect(ray)?;
-        Some((hit.t, self.plain_interaction(ray, &hit).facing_normal()))
+        Some((hit.t, self.facing_normal(ray, &hit)))
+    }
+
+    /// Unit geometric normal of a hit on the side of the ray.
+    #[inline]
+    fn facing_normal(&self, ray: &Ray, hit: &RawHit) -> Vec3 {
+        if let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance)
+            && let Geometry::Mesh(mesh) = &self.parts.surfaces[*index as usize].geometry
+        {
+            let [a, b, c] = mesh.buffers.corners(hit.primitive).map(Vec3::from_array);
+            if let Some(normal) = (b - a).cross(c - a).try_normalize() {
+                return if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+            }
+        }
+        self.plain_interaction(ray, hit).facing_normal()
     }
 
     /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the

@@ -4,7 +4,7 @@ use super::PhotonMapSettings;
 use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::Scratch;
 use crate::math::Rgb;
-use crate::photons::{Estimate, EstimateParams, KernelDomain, PhotonMap, Query};
+use crate::photons::{Estimate, EstimateParams, KernelDomain, PhotonMap, Query, Scratch as PhotonScratch};
 use crate::scene::{Scene, Shading};
 use glam::Vec3;
 use std::cell::Cell;
@@ -25,12 +25,52 @@ pub(super) fn reflected(
 pub(super) fn reflected_estimate(
     scene: &Scene,
     reading: &PhotonMapSettings,
-    (map, query, params): (&PhotonMap, &Query, &EstimateParams),
+    what: (&PhotonMap, &Query, &EstimateParams),
     shading: &Shading,
     scratch: &mut Scratch,
 ) -> Estimate {
+    // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
+    if let Some(lambert) = shading.bsdf.lambertian() {
+        let (estimate, _) = irradiance(scene, reading, what, scratch);
+        return Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate };
+    }
+    let wo = shading.wo_local;
+    let f =
+        |wi: Vec3| shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance);
+    let (map, query, params) = what;
+    let estimate = |photons: &mut PhotonScratch, domain: &mut Feel<'_>| {
+        map.estimate_radiance_visible(query, params, photons, domain, f)
+    };
+    look_up(scene, reading, query, scratch, estimate).0
+}
+
+/// Irradiance on the side of the query's normal, and how far its centre sees within the surface in every direction that was
+/// felt: infinity where nothing was in the way.
+pub(super) fn irradiance(
+    scene: &Scene,
+    reading: &PhotonMapSettings,
+    (map, query, params): (&PhotonMap, &Query, &EstimateParams),
+    scratch: &mut Scratch,
+) -> (Estimate, f32) {
+    let estimate = |photons: &mut PhotonScratch, domain: &mut Feel<'_>| {
+        map.estimate_irradiance_visible(query, params, photons, domain)
+    };
+    look_up(scene, reading, query, scratch, estimate)
+}
+
+/// Finds the visible part of a disc of some radius.
+type Feel<'a> = dyn FnMut(f32) -> Option<KernelDomain> + 'a;
+
+fn look_up(
+    scene: &Scene,
+    reading: &PhotonMapSettings,
+    query: &Query,
+    scratch: &mut Scratch,
+    estimate: impl FnOnce(&mut PhotonScratch, &mut Feel<'_>) -> Estimate,
+) -> (Estimate, f32) {
     let Scratch { photons, counters, .. } = scratch;
-    let domain = |radius| {
+    let mut seen = f32::INFINITY;
+    let mut domain = |radius| {
         if !reading.visible_kernel {
             return None;
         }
@@ -41,23 +81,14 @@ pub(super) fn reflected_estimate(
             scene.surface_reach(position, normal, tangent, length)
         });
         counters.feelers += felt.get();
+        seen = domain.as_ref().map_or(f32::INFINITY, KernelDomain::least_reach);
         domain
     };
     let visited = photons.visited();
-    // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
-    let estimate = if let Some(lambert) = shading.bsdf.lambertian() {
-        let estimate = map.estimate_irradiance_visible(query, params, photons, domain);
-        Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate }
-    } else {
-        let wo = shading.wo_local;
-        let f = |wi: Vec3| {
-            shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance)
-        };
-        map.estimate_radiance_visible(query, params, photons, domain, f)
-    };
+    let estimate = estimate(photons, &mut domain);
     counters.photons_visited += photons.visited() - visited;
     counters.differential_stops += u64::from(estimate.at_edge);
-    estimate
+    (estimate, seen)
 }
 
 /// The part of the disc of `radius` around a point that can be seen from its centre.

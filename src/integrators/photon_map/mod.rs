@@ -5,6 +5,7 @@ mod cache;
 mod gather;
 mod glossy;
 mod lookup;
+mod reuse;
 mod show;
 mod show_classes;
 mod walk;
@@ -26,7 +27,9 @@ use crate::photons::{
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
-use lookup::reflected;
+use lookup::{irradiance, reflected};
+pub(super) use reuse::Remembered;
+use std::f32::consts::FRAC_1_PI;
 use walk::{Walk, walk_specular};
 
 /// How the maps are read.
@@ -58,6 +61,9 @@ pub struct PhotonMapSettings {
     pub light_samples: u32,
     /// Whether estimates leave out what cannot be seen from their centre.
     pub visible_kernel: bool,
+    /// Camera samples of one pixel that are nearer to one another than this share of the radius of a caustic estimate share
+    /// it, on Lambertian surfaces.
+    pub caustic_reuse: f32,
     /// Surfaces that a chain of specular reflections may have.
     pub max_depth: u32,
     /// Behind a diffuse reflection, surfaces nearer than this are computed accurately (Jensen 1996, section 4), render
@@ -154,9 +160,25 @@ impl<'a> PhotonMapIntegrator<'a> {
     /// Third integral: the caustic map, shown directly.
     fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
-        scratch.counters.caustic_lookups += 1;
-        let query = self.settings.caustic_query(vertex.hit.point.position, vertex.hit.facing_normal());
-        reflected(self.scene, &self.settings, (map, &query, &self.settings.caustic), vertex.shading, scratch)
+        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
+        let query = self.settings.caustic_query(position, normal);
+        let what = (map, &query, &self.settings.caustic);
+        let lambert = vertex.shading.bsdf.lambertian().filter(|_| self.settings.caustic_reuse > 0.0);
+        let Some(lambert) = lambert else {
+            scratch.counters.caustic_lookups += 1;
+            return reflected(self.scene, &self.settings, what, vertex.shading, scratch);
+        };
+        let known = scratch.remembered.at(position, normal);
+        scratch.counters.caustic_shared += u64::from(known.is_some());
+        let irradiance = known.unwrap_or_else(|| {
+            scratch.counters.caustic_lookups += 1;
+            let (estimate, seen) = irradiance(self.scene, &self.settings, what, scratch);
+            // What stands nearer separates places that the estimate tells apart.
+            let reach = seen.min(self.settings.caustic_reuse * estimate.radius);
+            scratch.remembered.note(position, normal, reach, estimate.value);
+            estimate.value
+        });
+        lambert.reflectance * irradiance * FRAC_1_PI
     }
 
     fn transmittance(&self, medium: MediumId, distance: f32) -> Rgb {

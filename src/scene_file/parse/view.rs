@@ -196,6 +196,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
     let irradiance_cache = table.optional("irradiance-cache", |value| value.boolean());
     let cache_error = table.optional("cache-error", share(&CACHE_ERROR));
     let cache_samples = table.optional("cache-samples", count(4, MANY));
+    let caustic_reuse = table.optional("caustic-reuse", share(&SHARE));
     let accurate_distance = table.optional("accurate-distance", share(&SHARE));
     let approximate_weight = table.optional("approximate-weight", share(&SHARE));
     table.finish();
@@ -222,6 +223,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
         glossy_samples: glossy_samples?,
         guide: guide?,
         visible_kernel: visible_kernel?,
+        caustic_reuse: caustic_reuse?,
         shadow_photons: shadow_photons?,
         shadow_photon_rays: shadow_photon_rays?,
         show: show?,
