@@ -42,6 +42,10 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = count)]
     caustic_photons: Option<u64>,
 
+    /// No caustic map: surfaces do not get the light that comes by way of specular ones alone.
+    #[arg(long, conflicts_with = "caustic_photons")]
+    no_caustics: bool,
+
     /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine: changes noise, not light.
     #[arg(long, value_name = "BOOL")]
     aim_photons: Option<bool>,
@@ -260,7 +264,11 @@ impl SettingsArgs {
             seed: self.seed,
             spp: self.spp,
             global_photons: self.global_photons.or(self.photons),
-            caustic_photons: self.caustic_photons.or(caustic_by_ratio),
+            caustic_photons: if self.no_caustics {
+                Some(0)
+            } else {
+                self.caustic_photons.or(caustic_by_ratio)
+            },
             aim_photons: self.aim_photons,
             photons_memory: self.photons_memory,
             global_nearest: self.global_nearest,

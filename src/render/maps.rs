@@ -59,6 +59,7 @@ impl Settings {
     /// How the photon maps of `scene` are read.
     pub fn photon_map_settings(&self, scene: &Scene) -> PhotonMapSettings {
         let scene_radius = scene.bounds().1;
+        let reach = if scene_radius > 0.0 { scene_radius } else { f32::INFINITY };
         let to_render = |metres| scene.space().length(metres) as f32;
         PhotonMapSettings {
             global_nearest: self.global_nearest,
@@ -69,7 +70,8 @@ impl Settings {
             caustic_radius: self.caustic_radius.map(to_render),
             region: self.search,
             differential_check: self.differential_check,
-            max_radius: if scene_radius > 0.0 { LARGEST_RADIUS * scene_radius } else { f32::INFINITY },
+            max_radius: LARGEST_RADIUS * reach,
+            scene_radius: reach,
             gather_samples: self.gather_samples,
             glossy_samples: self.glossy_samples,
             light_samples: self.light_samples,

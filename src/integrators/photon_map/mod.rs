@@ -53,6 +53,8 @@ pub struct PhotonMapSettings {
     pub differential_check: bool,
     /// Largest radius of an estimate, render space.
     pub max_radius: f32,
+    /// Radius of the scene, render space; infinite where it has none.
+    pub scene_radius: f32,
     /// Final gather rays per camera sample.
     pub gather_samples: u32,
     /// Distribution rays at the first highly glossy lobe that a camera sample meets; fewer at the next ones.
@@ -80,8 +82,17 @@ impl PhotonMapSettings {
     }
 
     /// A query of the caustic map at a place.
-    pub fn caustic_query(&self, position: Vec3, normal: Vec3) -> Query {
-        self.query(position, normal, self.caustic_nearest, self.caustic_radius)
+    ///
+    /// It reaches no farther than where, were the photons spread evenly over a sphere around the scene, it would find four
+    /// times as many as are wanted: beyond that caustics are so faint that one photon more or less changes nothing, and what
+    /// a wide search meets is the foci of others.
+    pub fn caustic_query(&self, map: &PhotonMap, position: Vec3, normal: Vec3) -> Query {
+        let query = self.query(position, normal, self.caustic_nearest, self.caustic_radius);
+        if self.caustic_radius.is_some() {
+            return query;
+        }
+        let share = self.caustic_nearest as f32 / map.len().max(1) as f32;
+        Query { max_radius: query.max_radius.min(4.0 * self.scene_radius * share.sqrt()), ..query }
     }
 
     fn query(&self, position: Vec3, normal: Vec3, nearest: u32, radius: Option<f32>) -> Query {
@@ -161,7 +172,7 @@ impl<'a> PhotonMapIntegrator<'a> {
     fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
-        let query = self.settings.caustic_query(position, normal);
+        let query = self.settings.caustic_query(map, position, normal);
         let what = (map, &query, &self.settings.caustic);
         let lambert = vertex.shading.bsdf.lambertian().filter(|_| self.settings.caustic_reuse > 0.0);
         let Some(lambert) = lambert else {

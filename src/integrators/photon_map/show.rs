@@ -34,24 +34,24 @@ impl<'a> ShowPhotons<'a> {
 
     fn shade(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Aov, Rgb) {
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
-        let (map, query, params, aov) = match self.kind {
-            MapKind::Global => {
-                let query = self.settings.global_query(position, normal);
-                (&self.maps.global, query, &self.settings.global, Aov::Indirect)
-            }
-            MapKind::Caustic => {
-                let query = self.settings.caustic_query(position, normal);
-                (&self.maps.caustic, query, &self.settings.caustic, Aov::Caustics)
-            }
+        let (map, params, aov) = match self.kind {
+            MapKind::Global => (&self.maps.global, &self.settings.global, Aov::Indirect),
+            MapKind::Caustic => (&self.maps.caustic, &self.settings.caustic, Aov::Caustics),
         };
         let Some(map) = map else { return (aov, Rgb::ZERO) };
         if !vertex.shading.bsdf.has_diffuse() {
             return (aov, Rgb::ZERO);
         }
-        match self.kind {
-            MapKind::Global => scratch.counters.global_lookups += 1,
-            MapKind::Caustic => scratch.counters.caustic_lookups += 1,
-        }
+        let query = match self.kind {
+            MapKind::Global => {
+                scratch.counters.global_lookups += 1;
+                self.settings.global_query(position, normal)
+            }
+            MapKind::Caustic => {
+                scratch.counters.caustic_lookups += 1;
+                self.settings.caustic_query(map, position, normal)
+            }
+        };
         (aov, reflected(self.scene, &self.settings, (map, &query, params), vertex.shading, scratch))
     }
 }
