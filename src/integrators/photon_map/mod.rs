@@ -171,22 +171,29 @@ impl<'a> PhotonMapIntegrator<'a> {
     /// Third integral: the caustic map, shown directly.
     fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
-        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
-        let query = self.settings.caustic_query(map, position, normal);
-        let what = (map, &query, &self.settings.caustic);
-        let lambert = vertex.shading.bsdf.lambertian().filter(|_| self.settings.caustic_reuse > 0.0);
-        let Some(lambert) = lambert else {
-            scratch.counters.caustic_lookups += 1;
-            return reflected(self.scene, &self.settings, what, vertex.shading, scratch);
+        scratch.counters.caustic_lookups += 1;
+        let query = self.settings.caustic_query(map, vertex.hit.point.position, vertex.hit.facing_normal());
+        reflected(self.scene, &self.settings, (map, &query, &self.settings.caustic), vertex.shading, scratch)
+    }
+
+    /// [`Self::caustics`] for a surface that the eye sees: an estimate that blurs over the pixel is made once for its camera
+    /// samples. Not for what gather rays meet, which are other places in each sample.
+    fn shared_caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+        let reuse = self.settings.caustic_reuse;
+        let lambert = vertex.shading.bsdf.lambertian().filter(|_| reuse > 0.0);
+        let (Some(map), Some(lambert)) = (&self.maps.caustic, lambert) else {
+            return self.caustics(vertex, scratch);
         };
+        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
         let known = scratch.remembered.at(position, normal);
         scratch.counters.caustic_shared += u64::from(known.is_some());
         let irradiance = known.unwrap_or_else(|| {
             scratch.counters.caustic_lookups += 1;
+            let query = self.settings.caustic_query(map, position, normal);
+            let what = (map, &query, &self.settings.caustic);
             let (estimate, seen) = irradiance(self.scene, &self.settings, what, scratch);
             // What stands nearer separates places that the estimate tells apart.
-            let reach = seen.min(self.settings.caustic_reuse * estimate.radius);
-            scratch.remembered.note(position, normal, reach, estimate.value);
+            scratch.remembered.note(position, normal, seen.min(reuse * estimate.radius), estimate.value);
             estimate.value
         });
         lambert.reflectance * irradiance * FRAC_1_PI
@@ -226,7 +233,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         };
         let (mut caustics, mut indirect, mut by_bsdf) = (Rgb::ZERO, Rgb::ZERO, Rgb::ZERO);
         if has_diffuse {
-            caustics = self.caustics(vertex, scratch);
+            caustics = self.shared_caustics(vertex, scratch);
             (indirect, by_bsdf) = self.indirect(vertex, &directions, samples, scratch);
         }
         [
