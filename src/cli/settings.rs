@@ -188,7 +188,7 @@ fn count(text: &str) -> Result<u64, String> {
 }
 
 /// [`count`] from 1 to the largest `u32`.
-fn count_from_one(text: &str) -> Result<u32, String> {
+pub(crate) fn count_from_one(text: &str) -> Result<u32, String> {
     match u32::try_from(count(text)?) {
         Ok(0) => Err("must be at least 1".to_owned()),
         Ok(number) => Ok(number),

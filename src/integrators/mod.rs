@@ -7,6 +7,7 @@ mod direct;
 mod directions;
 mod path;
 mod photon_map;
+mod receiver;
 mod specular;
 
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
@@ -16,6 +17,7 @@ pub use photon_map::{
     CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons,
     visible_domain,
 };
+pub use receiver::{Irradiance, Receiver};
 
 use crate::film::PixelSample;
 use crate::math::Ray;

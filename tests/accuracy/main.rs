@@ -6,6 +6,7 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 mod cache;
+mod closed_forms;
 mod crossings;
 mod determinism;
 mod direct;

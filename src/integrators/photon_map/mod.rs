@@ -5,6 +5,7 @@ mod cache;
 mod gather;
 mod glossy;
 mod lookup;
+mod receive;
 mod show;
 mod show_classes;
 mod walk;
