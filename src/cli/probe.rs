@@ -66,6 +66,8 @@ enum EstimatorChoice {
     Gather,
     /// Path tracing, free of bias.
     Path,
+    /// The illumination map of the surface, where it has one; all light but caustics counts as indirect.
+    IlluminationMap,
 }
 
 fn vector(text: &str) -> Result<DVec3, String> {
@@ -132,6 +134,7 @@ impl EstimatorChoice {
             Self::PhotonMap => ProbeEstimator::PhotonMap,
             Self::Gather => ProbeEstimator::Gather,
             Self::Path => ProbeEstimator::Path,
+            Self::IlluminationMap => ProbeEstimator::IlluminationMap,
         }
     }
 }

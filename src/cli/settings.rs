@@ -138,6 +138,15 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
     cache_samples: Option<u32>,
 
+    /// Whether objects that the scene gives illumination maps have them; otherwise photon maps serve everywhere.
+    #[arg(long, value_name = "BOOL")]
+    illumination_maps: Option<bool>,
+
+    /// Whether pixels get camera samples by the variance around them, --spp on average: for less noise where there is most. The
+    /// EXR then has a layer with the counts.
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    adaptive: Option<bool>,
+
     /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
     #[arg(long, value_name = "SHARE", value_parser = share)]
     accurate_distance: Option<f32>,
@@ -294,6 +303,8 @@ impl SettingsArgs {
             }),
             max_depth: self.max_depth,
             irradiance_cache: self.irradiance_cache,
+            illumination_maps: self.illumination_maps,
+            adaptive: self.adaptive,
             cache_error: self.cache_error,
             cache_samples: self.cache_samples,
             accurate_distance: self.accurate_distance,

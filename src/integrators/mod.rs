@@ -67,6 +67,8 @@ pub struct Counters {
     pub global_lookups: u64,
     /// Estimates from the caustic map.
     pub caustic_lookups: u64,
+    /// Readings of illumination maps.
+    pub illumination_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
     /// Surfaces at which photons took part in drawing directions.
@@ -120,6 +122,7 @@ impl AddAssign for Counters {
         self.path_rays += other.path_rays;
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
+        self.illumination_lookups += other.illumination_lookups;
         self.empty_lookups += other.empty_lookups;
         self.guided += other.guided;
         self.unguided += other.unguided;

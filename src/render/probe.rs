@@ -22,6 +22,8 @@ pub enum ProbeEstimator {
     Gather,
     /// Unbiased paths that read no map.
     Path,
+    /// From the illumination map of the surface, where it has one; direct light counts as indirect there.
+    IlluminationMap,
 }
 
 impl ProbeEstimator {
@@ -31,12 +33,13 @@ impl ProbeEstimator {
             Self::PhotonMap => "photon-map",
             Self::Gather => "gather",
             Self::Path => "path",
+            Self::IlluminationMap => "illumination-map",
         }
     }
 
     /// Whether it draws samples, which have a standard error.
     fn is_sampled(self) -> bool {
-        self != Self::PhotonMap
+        matches!(self, Self::Gather | Self::Path)
     }
 }
 
@@ -87,7 +90,7 @@ pub struct ProbedSurface {
     pub normal: DVec3,
     /// Radiant exitance over irradiance, where the surface is Lambertian.
     pub reflectance: Option<Rgb>,
-    /// By estimator, in the order of the request.
+    /// By estimator, in the order of the request; without those that do not apply to this surface.
     pub readings: Vec<Reading>,
 }
 
@@ -231,9 +234,15 @@ impl Probing<'_> {
                         mapped.gathered_irradiance(receiver, *medium, &mut stream, scratch)
                     }
                     ProbeEstimator::Path => paths.irradiance(receiver, *medium, &mut stream, scratch),
+                    ProbeEstimator::IlluminationMap => {
+                        mapped.summed_irradiance(receiver).unwrap_or(Irradiance::default())
+                    }
                 }
             };
-            let readings = request.estimators.iter().map(|&estimator| {
+            // Nothing rather than zero where a surface has no such map.
+            let has_sums = mapped.summed_irradiance(&landing.receiver).is_some();
+            let applies = |estimator: &&ProbeEstimator| **estimator != ProbeEstimator::IlluminationMap || has_sums;
+            let readings = request.estimators.iter().filter(applies).map(|&estimator| {
                 let count = if estimator.is_sampled() { samples } else { 1 };
                 let chunks: Vec<Sums> = (0..count.div_ceil(CHUNK))
                     .into_par_iter()

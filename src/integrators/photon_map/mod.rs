@@ -22,12 +22,13 @@ use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::photons::{
-    DirectionGuide, EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps,
+    DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps,
 };
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
 use lookup::reflected;
+use std::f32::consts::FRAC_1_PI;
 use walk::{Walk, walk_specular};
 
 /// How the maps are read.
@@ -101,6 +102,8 @@ pub struct PhotonMaps {
     pub guide: Option<DirectionGuide>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
+    /// Sums of photons over objects with coordinates; `None` where there are none.
+    pub illumination: Option<IlluminationMaps>,
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
     pub shadows: Option<ShadowMaps>,
 }
@@ -154,10 +157,30 @@ impl<'a> PhotonMapIntegrator<'a> {
 
     /// Third integral: the caustic map, shown directly.
     fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+        let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
+        if let Some(radiance) = by_map {
+            return radiance;
+        }
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
         scratch.counters.caustic_lookups += 1;
         let query = self.settings.caustic_query(vertex.hit.point.position, vertex.hit.facing_normal());
         reflected(self.scene, &self.settings, (map, &query, &self.settings.caustic), vertex.shading, scratch)
+    }
+
+    /// Radiance that a Lambertian surface reflects of the light that `read` finds in its illumination map; `None` where it has
+    /// none.
+    fn summed_up(
+        &self,
+        hit: &SurfaceInteraction,
+        shading: &Shading,
+        read: impl Fn(&IlluminationMaps, u32, Vec3, Vec3) -> Option<Rgb>,
+        scratch: &mut Scratch,
+    ) -> Option<Rgb> {
+        let maps = self.maps.illumination.as_ref()?;
+        let irradiance = read(maps, hit.surface, hit.point.position, hit.facing_normal())?;
+        let lambert = shading.bsdf.lambertian()?;
+        scratch.counters.illumination_lookups += 1;
+        Some(lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
     fn transmittance(&self, medium: MediumId, distance: f32) -> Rgb {

@@ -36,6 +36,17 @@ impl PhotonMapIntegrator<'_> {
         Irradiance::of_white(&out)
     }
 
+    /// The irradiance that the illumination map of the surface says: all light but caustics counts as indirect here, since the map
+    /// does not tell it apart. `None` where the surface has no such map.
+    pub fn summed_irradiance(&self, receiver: &Receiver) -> Option<Irradiance> {
+        let maps = self.maps.illumination.as_ref()?;
+        let (surface, position) = (receiver.hit.surface, receiver.hit.point.position);
+        let normal = receiver.hit.facing_normal();
+        let caustic = maps.caustic(surface, position, normal)?;
+        let indirect = maps.diffuse(surface, position, normal)?;
+        Some(Irradiance { direct: Rgb::ZERO, caustic, indirect })
+    }
+
     /// The irradiance that the photons themselves say: direct and indirect light from the global map, each by the photons of
     /// its class, caustics from the caustic map.
     pub fn photon_irradiance(&self, receiver: &Receiver, scratch: &mut Scratch) -> Irradiance {
