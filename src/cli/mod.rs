@@ -1,6 +1,7 @@
 //! The subcommands, one file each; the only users of clap and anyhow.
 
 mod bench_bvh;
+mod bench_caustic;
 mod compare;
 mod info;
 mod picture;

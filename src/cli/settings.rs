@@ -171,7 +171,7 @@ fn share(text: &str) -> Result<f32, String> {
 }
 
 /// A whole number, as people write large ones: `500000`, `500_000`, `500k`, `0.5M` or `5e5`.
-fn count(text: &str) -> Result<u64, String> {
+pub(crate) fn count(text: &str) -> Result<u64, String> {
     let message = || "write a whole number, for example 500000, 500k, 1.5M or 5e5".to_owned();
     let plain = text.replace('_', "");
     if let Ok(number) = plain.parse() {

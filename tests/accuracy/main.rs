@@ -5,6 +5,7 @@
 //! other seeds pass as well, and each says where it comes from.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod adaptive;
 mod cache;
 mod closed_forms;
 mod crossings;
@@ -15,6 +16,7 @@ mod estimators;
 mod extremes;
 mod glossy;
 mod guide;
+mod illumination;
 mod photon_pass;
 mod pictures;
 mod projection;

@@ -2,7 +2,12 @@
 //!
 //! The floor is the plane y = 0 and light comes from above. [`MirrorSquare`] is the model of figure 7 of Jensen & Christensen
 //! 1995, by the image of its light; [`Nephroid`] and [`Cardioid`] are the caustics of a reflecting ring (figure 2 of Jensen 1996)
-//! in parallel light and in that of a point on the ring, by the area that a bundle of rays covers on the floor.
+//! in parallel light and in that of a point on the ring, by the area that a bundle of rays covers on the floor. [`caustic_figure`]
+//! measures estimates against the first (figure 8 of 1995).
+
+mod figure;
+
+pub use figure::{CausticFigure, FigureError, FigureRow, caustic_figure};
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
