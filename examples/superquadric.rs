@@ -126,6 +126,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             material,
             part_materials: Vec::new(),
             light: (name == "lamp").then_some(0),
+            illumination: None,
         });
     }
     let lambert = |reflectance| Material::Lambert { reflectance, two_sided: true };

@@ -1,5 +1,6 @@
 //! `cardioid bench bvh`: Embree against hierarchies written in Rust, on a mesh and the rays of its picture.
 
+use super::bench_caustic;
 use super::picture::shorter;
 use super::progress::Console;
 use anyhow::{Context, Result, anyhow, bail};
@@ -24,6 +25,7 @@ pub(crate) struct BenchArgs {
 #[derive(Subcommand, Clone, Debug)]
 enum What {
     Bvh(BvhArgs),
+    Caustic(bench_caustic::CausticArgs),
 }
 
 /// Embree against the Rust crates bvh and obvhs: building, memory, rays per second, right and wrong hits
@@ -70,7 +72,10 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 }
 
 pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
-    let What::Bvh(args) = &args.what;
+    let args = match &args.what {
+        What::Bvh(args) => args,
+        What::Caustic(args) => return bench_caustic::run(args),
+    };
     for mesh in &args.meshes {
         if !is_mesh_file(mesh) {
             bail!("{}: not a mesh by its name, which ends in .ply, .obj or .stl", mesh.display());

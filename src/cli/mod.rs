@@ -1,9 +1,11 @@
 //! The subcommands, one file each; the only users of clap and anyhow.
 
 mod bench_bvh;
+mod bench_caustic;
 mod compare;
 mod info;
 mod picture;
+mod probe;
 mod progress;
 mod render;
 mod settings;
@@ -32,6 +34,7 @@ enum Command {
     Render(render::RenderArgs),
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
+    Probe(probe::ProbeArgs),
     Bench(bench_bvh::BenchArgs),
 }
 
@@ -41,6 +44,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Probe(args) => probe::run(&args),
         Command::Bench(args) => bench_bvh::run(&args),
     };
     outcome.unwrap_or_else(|error| {

@@ -150,12 +150,13 @@ impl Drop for Loading {
 
 fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
+    let layers = if args.beauty_only { LayerSet::default() } else { LayerSet::all() };
     RenderRequest {
         width: loaded.size.0,
         height: loaded.size.1,
         crop: args.crop,
         filter: filter_of(loaded.description.film.filter),
-        layers: if args.beauty_only { LayerSet::default() } else { LayerSet::all() },
+        layers: LayerSet { samples: settings.adaptive && !args.beauty_only, ..layers },
         settings,
     }
 }
@@ -301,6 +302,25 @@ fn summary(
     }
     if let Some(cache) = &statistics.cache {
         eprintln!("irradiance cache: {} records, {:.2} s", cache.records, times.cache);
+    }
+    if let Some(maps) = &statistics.illumination {
+        let sizes = &maps.sizes;
+        eprintln!(
+            "illumination maps of {} surfaces: {} photons in {} elements, caustics in {} (of {} everywhere), {:.1} MB, {:.2} s",
+            sizes.surfaces,
+            sizes.photons,
+            sizes.elements,
+            sizes.caustic_elements,
+            sizes.caustic_elements_everywhere,
+            sizes.bytes as f64 / 1e6,
+            maps.seconds
+        );
+    }
+    if let Some(adaptive) = &statistics.adaptive {
+        eprintln!(
+            "samples by variance: {} to {} per pixel, {:.2} on average",
+            adaptive.fewest, adaptive.most, adaptive.mean
+        );
     }
     for light in &statistics.shadows {
         let decided = &light.decisions;

@@ -146,6 +146,15 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
     cache_samples: Option<u32>,
 
+    /// Whether objects that the scene gives illumination maps have them; otherwise photon maps serve everywhere.
+    #[arg(long, value_name = "BOOL")]
+    illumination_maps: Option<bool>,
+
+    /// Whether pixels get camera samples by the variance around them, --spp on average: for less noise where there is most. The
+    /// EXR then has a layer with the counts.
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    adaptive: Option<bool>,
+
     /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
     #[arg(long, value_name = "SHARE", value_parser = share)]
     accurate_distance: Option<f32>,
@@ -170,7 +179,7 @@ fn share(text: &str) -> Result<f32, String> {
 }
 
 /// A whole number, as people write large ones: `500000`, `500_000`, `500k`, `0.5M` or `5e5`.
-fn count(text: &str) -> Result<u64, String> {
+pub(crate) fn count(text: &str) -> Result<u64, String> {
     let message = || "write a whole number, for example 500000, 500k, 1.5M or 5e5".to_owned();
     let plain = text.replace('_', "");
     if let Ok(number) = plain.parse() {
@@ -196,7 +205,7 @@ fn count(text: &str) -> Result<u64, String> {
 }
 
 /// [`count`] from 1 to the largest `u32`.
-fn count_from_one(text: &str) -> Result<u32, String> {
+pub(crate) fn count_from_one(text: &str) -> Result<u32, String> {
     match u32::try_from(count(text)?) {
         Ok(0) => Err("must be at least 1".to_owned()),
         Ok(number) => Ok(number),
@@ -307,6 +316,8 @@ impl SettingsArgs {
             }),
             max_depth: self.max_depth,
             irradiance_cache: self.irradiance_cache,
+            illumination_maps: self.illumination_maps,
+            adaptive: self.adaptive,
             cache_error: self.cache_error,
             cache_samples: self.cache_samples,
             accurate_distance: self.accurate_distance,

@@ -407,6 +407,7 @@ impl Film {
         push(set.depth, "depth", &["Z"], &|| self.mean_depths());
         push(set.object_id, "object", &["id"], &|| ids(&self.sums.objects));
         push(set.material_id, "material", &["id"], &|| ids(&self.sums.materials));
+        push(set.samples, "samples", &["n"], &|| self.sums.counts.iter().map(|&n| n as f32).collect());
         Developed {
             width: self.width,
             height: self.height,
@@ -463,7 +464,7 @@ fn to_f32(x: f64) -> f32 {
 /// One layer of a developed picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Name: `beauty`, that of an [`Aov`], `albedo`, `normal`, `depth`, `object` or `material`.
+    /// Name: `beauty`, that of an [`Aov`], `albedo`, `normal`, `depth`, `object`, `material` or `samples`.
     pub name: &'static str,
     /// Names of the channels.
     pub channels: &'static [&'static str],

@@ -48,6 +48,8 @@ pub struct LayerSet {
     pub object_id: bool,
     /// Which material.
     pub material_id: bool,
+    /// Count of samples.
+    pub samples: bool,
 }
 
 impl Default for LayerSet {
@@ -60,14 +62,24 @@ impl Default for LayerSet {
             depth: false,
             object_id: false,
             material_id: false,
+            samples: false,
         }
     }
 }
 
 impl LayerSet {
-    /// Everything there is.
+    /// Everything that the first surface tells. Without the count of samples, which is the same everywhere unless they are
+    /// shared out by variance.
     pub fn all() -> Self {
-        Self { aovs: [true; 5], albedo: true, normal: true, depth: true, object_id: true, material_id: true }
+        Self {
+            aovs: [true; 5],
+            albedo: true,
+            normal: true,
+            depth: true,
+            object_id: true,
+            material_id: true,
+            samples: false,
+        }
     }
 
     /// True where `aov` has a buffer.

@@ -1,5 +1,5 @@
 /// A rectangle of whole pixels, `x0 <= x < x1` and `y0 <= y < y1`, row 0 on top: a crop window or a tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PixelRect {
     /// First column.
     pub x0: u32,

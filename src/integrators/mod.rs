@@ -7,6 +7,7 @@ mod direct;
 mod directions;
 mod path;
 mod photon_map;
+mod receiver;
 mod specular;
 
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
@@ -16,6 +17,7 @@ pub use photon_map::{
     CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons,
     visible_domain,
 };
+pub use receiver::{Irradiance, Receiver};
 
 use crate::film::PixelSample;
 use crate::math::Ray;
@@ -69,6 +71,8 @@ pub struct Counters {
     pub caustic_lookups: u64,
     /// Evaluations of caustics that took the estimate of another camera sample of the same pixel.
     pub caustic_shared: u64,
+    /// Readings of illumination maps.
+    pub illumination_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
     pub empty_lookups: u64,
     /// Surfaces at which photons took part in drawing directions.
@@ -123,6 +127,7 @@ impl AddAssign for Counters {
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
         self.caustic_shared += other.caustic_shared;
+        self.illumination_lookups += other.illumination_lookups;
         self.empty_lookups += other.empty_lookups;
         self.guided += other.guided;
         self.unguided += other.unguided;

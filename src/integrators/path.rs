@@ -4,7 +4,7 @@
 
 use super::direct::{DirectLighting, Drawn};
 use super::specular::chain_roulette;
-use super::{Directions, Integrator, Scratch, describe_first_hit};
+use super::{Directions, Integrator, Irradiance, Receiver, Scratch, describe_first_hit};
 use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
 use crate::lights::Light;
@@ -109,6 +109,13 @@ struct State {
     guidance: f32,
 }
 
+impl State {
+    /// A path that begins with this ray.
+    fn new(ray: Ray, medium: MediumId) -> Self {
+        Self { ray, throughput: Rgb::ONE, medium, class: Class::Camera, drawn: None, chain: 0, guidance: 1.0 }
+    }
+}
+
 impl PathTracer<'_> {
     /// Draws the next ray; `false` where the path ends.
     fn scatter(
@@ -158,28 +165,25 @@ impl PathTracer<'_> {
     }
 }
 
-impl Integrator for PathTracer<'_> {
-    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
-        let mut out = PixelSample::default();
-        scratch.counters.camera_rays += 1;
-        let mut state = State {
-            ray,
-            throughput: Rgb::ONE,
-            medium: self.camera_medium,
-            class: Class::Camera,
-            drawn: None,
-            chain: 0,
-            guidance: 1.0,
-        };
-        for depth in 0..self.max_depth {
+impl PathTracer<'_> {
+    /// Follows a path from its ray on, which leaves surface number `first` from the camera; what it finds is added to `out`.
+    fn follow(
+        &self,
+        mut state: State,
+        first: u32,
+        samples: &mut SampleStream,
+        scratch: &mut Scratch,
+        out: &mut PixelSample,
+    ) {
+        for depth in first..self.max_depth {
             scratch.counters.depth_sum += 1;
             scratch.counters.path_rays += u64::from(depth > 0);
             let Some(hit) = self.scene.intersect(&state.ray) else {
                 out.add(state.class.part(), state.throughput * self.environment(state.drawn));
-                return out;
+                return;
             };
             if depth == 0 {
-                describe_first_hit(&mut out, self.scene, &hit);
+                describe_first_hit(out, self.scene, &hit);
             }
             let medium = self.scene.medium(state.medium);
             if !medium.is_clear() {
@@ -199,10 +203,38 @@ impl Integrator for PathTracer<'_> {
                 out.add(state.class.after(Lobe::Glossy).part(), state.throughput * direct.glossy);
             }
             if !self.scatter(&mut state, &hit, &directions, depth, samples) {
-                return out;
+                return;
             }
         }
         scratch.counters.truncated += 1;
+    }
+
+    /// One unbiased estimate of the irradiance at a surface in `medium`, cosine included, by the parts of the light.
+    pub fn irradiance(
+        &self,
+        receiver: &Receiver,
+        medium: MediumId,
+        samples: &mut SampleStream,
+        scratch: &mut Scratch,
+    ) -> Irradiance {
+        let mut out = PixelSample::default();
+        let Receiver { hit, shading } = receiver;
+        let directions = Directions::new(self.guide, hit, shading, &mut scratch.counters);
+        let direct = self.direct.radiance(hit, &directions, medium, samples, scratch);
+        out.add(Aov::Direct, direct.diffuse);
+        let mut state = State::new(Ray::new(hit.point.position, hit.facing_normal()), medium);
+        if self.scatter(&mut state, hit, &directions, 0, samples) {
+            self.follow(state, 1, samples, scratch, &mut out);
+        }
+        Irradiance::of_white(&out)
+    }
+}
+
+impl Integrator for PathTracer<'_> {
+    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
+        let mut out = PixelSample::default();
+        scratch.counters.camera_rays += 1;
+        self.follow(State::new(ray, self.camera_medium), 0, samples, scratch, &mut out);
         out
     }
 }

@@ -1,6 +1,8 @@
-//! How far a picture is from a reference: error figures over plain linear RGB. And how fast rays are traced ([`bvh`]).
+//! How far a picture is from a reference: error figures over plain linear RGB. Caustics in closed form
+//! ([`caustics`]). And how fast rays are traced ([`bvh`]).
 
 pub mod bvh;
+pub mod caustics;
 mod error;
 mod flip;
 

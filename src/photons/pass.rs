@@ -16,6 +16,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 pub struct TracedPhotons {
     /// The photons; their powers are to be divided by `emitted`.
     pub photons: Vec<Photon>,
+    /// By photon: index of the surface that it is stored at. Empty where no surface has an illumination map.
+    pub surfaces: Vec<u32>,
     /// Photons emitted by all lights together.
     pub emitted: u64,
     /// By light.
@@ -77,6 +79,7 @@ pub fn trace_photons(
     if settings.stored == 0 || sources.is_dark() {
         return Some(TracedPhotons {
             photons: Vec::new(),
+            surfaces: Vec::new(),
             emitted: 0,
             tallies: vec![PhotonTally::default(); scene.lights().len()],
             stopped: false,
@@ -230,6 +233,7 @@ impl Pass<'_> {
         let stopped = results.len() < tasks.len();
         let mut traced = TracedPhotons {
             photons: Vec::with_capacity(results.iter().map(|(_, part)| part.photons.len()).sum()),
+            surfaces: Vec::new(),
             emitted,
             tallies: vec![PhotonTally::default(); lights],
             stopped,
@@ -266,6 +270,7 @@ impl Pass<'_> {
             counts[ordinal[light]] += part.photons.len() as u64;
             ordinal[light] += 1;
             reached.iter_mut().zip(&part.reached).for_each(|(all, some)| *all |= some);
+            traced.surfaces.extend(part.surfaces);
             let mut tally = part.tally;
             if factors[light] == 1.0 {
                 traced.photons.extend(part.photons);

@@ -92,6 +92,8 @@ pub(super) struct Batch<'a> {
 /// What came of some photons of one light.
 pub(super) struct Traced {
     pub photons: Vec<Photon>,
+    /// By photon, the surface that it is stored at; only where some surfaces have illumination maps.
+    pub surfaces: Vec<u32>,
     pub tally: PhotonTally,
     /// Surfaces met, one bit each; only where caustic photons are traced.
     pub reached: Vec<u64>,
@@ -107,12 +109,15 @@ impl Batch<'_> {
         emitted: u64,
         observe: &mut impl FnMut(&Ray),
     ) -> Traced {
-        let mut photons = Vec::with_capacity((end - first) as usize);
+        let mut stored = Stored {
+            photons: Vec::with_capacity((end - first) as usize),
+            surfaces: self.scene.has_illumination_maps().then(Vec::new),
+        };
         let mut tally = PhotonTally::default();
         let notes = self.settings.kind == MapKind::Caustic;
         let mut reached = vec![0u64; if notes { self.scene.surfaces().len().div_ceil(64) } else { 0 }];
         let Some(source) = self.sources.emitter(light) else {
-            return Traced { photons, tally, reached };
+            return Traced { photons: Vec::new(), surfaces: Vec::new(), tally, reached };
         };
         let media = self.sources.media(light);
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
@@ -161,16 +166,24 @@ impl Batch<'_> {
             }
             // From the back, so that a removal moves only flights that have been advanced.
             for i in (0..flights.len()).rev() {
-                if !flights[i].advance(self, hits[i], &mut photons, &mut tally) {
+                if !flights[i].advance(self, hits[i], &mut stored, &mut tally) {
                     flights.swap_remove(i);
                 }
             }
         }
+        let Stored { mut photons, surfaces } = stored;
         tally.stored = photons.len() as u64;
         // Where few are stored, the rest of the room would outweigh them a thousand times.
         photons.shrink_to_fit();
-        Traced { photons, tally, reached }
+        Traced { photons, surfaces: surfaces.unwrap_or_default(), tally, reached }
     }
+}
+
+/// Photons stored so far.
+struct Stored {
+    photons: Vec<Photon>,
+    /// The surface of each, where that is wanted.
+    surfaces: Option<Vec<u32>>,
 }
 
 /// Photons that a thread has under way at a time. Each goes its own way, whatever the others do; but while one waits for
@@ -208,7 +221,7 @@ impl Flight {
         &mut self,
         pass: &Batch<'_>,
         hit: Option<RawHit>,
-        photons: &mut Vec<Photon>,
+        photons: &mut Stored,
         tally: &mut PhotonTally,
     ) -> bool {
         let Some(hit) = hit else {
@@ -240,8 +253,8 @@ impl Flight {
     /// Goes on from a flat Lambert surface, as [`Self::meet`] from all others. Here the direction has no say in the
     /// roulette, so that is played first, and only survivors draw one.
     #[inline(always)]
-    fn reflect(&mut self, kind: MapKind, hit: &DiffuseHit, photons: &mut Vec<Photon>) -> bool {
-        self.store(kind, (hit.position(), hit.facing_normal()), 1.0, photons);
+    fn reflect(&mut self, kind: MapKind, hit: &DiffuseHit, photons: &mut Stored) -> bool {
+        self.store(kind, (hit.surface, hit.position(), hit.facing_normal()), 1.0, photons);
         if kind == MapKind::Caustic || !self.survives(self.power * hit.reflectance) {
             return false;
         }
@@ -258,7 +271,7 @@ impl Flight {
         &mut self,
         pass: &Batch<'_>,
         hit: &RawHit,
-        photons: &mut Vec<Photon>,
+        photons: &mut Stored,
         tally: &mut PhotonTally,
     ) -> bool {
         let hit = pass.scene.interaction(&self.ray, hit);
@@ -266,7 +279,7 @@ impl Flight {
         if shading.bsdf.has_diffuse() {
             // Density on the surface has the cosine at the geometric normal in it; what is reflected has that at the
             // shading normal.
-            let at = (hit.point.position, hit.facing_normal());
+            let at = (hit.surface, hit.point.position, hit.facing_normal());
             self.store(pass.settings.kind, at, shading_share(&hit), photons);
         }
         let is_lobe_left = shading.bsdf.has_specular() || shading.bsdf.has_glossy();
@@ -282,9 +295,9 @@ impl Flight {
     fn store(
         &mut self,
         kind: MapKind,
-        (position, normal): (Vec3, Vec3),
+        (surface, position, normal): (u32, Vec3, Vec3),
         share: f32,
-        photons: &mut Vec<Photon>,
+        photons: &mut Stored,
     ) {
         let class = match (self.depth, self.only_specular) {
             (0, _) => PhotonClass::Direct,
@@ -299,7 +312,10 @@ impl Flight {
             return;
         }
         let dither = self.rng.next_f32();
-        photons.push(Photon::new(position, power, -self.ray.direction, normal, class, dither));
+        photons.photons.push(Photon::new(position, power, -self.ray.direction, normal, class, dither));
+        if let Some(surfaces) = &mut photons.surfaces {
+            surfaces.push(surface);
+        }
     }
 
     /// Draws the ray on which the photon goes on, and its new power; `false` where it ends here.

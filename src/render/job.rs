@@ -1,10 +1,12 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
-use super::maps::{PassOne, build_maps, is_worth_a_warning};
+use super::adaptive::{Moments, SampleCounts, most_samples, pilot_samples};
+use super::maps::{PassOne, build_maps_seen, is_worth_a_warning};
 use super::memory::MemoryError;
 use super::observer::Observer;
+use super::pretrace::finest_distances;
 use super::settings::{Settings, Show};
-use super::stats::{CacheStatistics, Statistics, Times};
+use super::stats::{AdaptiveStatistics, CacheStatistics, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
 use crate::integrators::{
@@ -16,6 +18,7 @@ use crate::sampling::SampleStream;
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::Instant;
 
 /// What is to be rendered.
@@ -98,7 +101,12 @@ pub fn render(
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
-    let pass_one = build_maps(scene, &plan, settings, observer)?;
+    let finest = if settings.illumination_maps && scene.has_illumination_maps() {
+        finest_distances(scene, camera, (request.width, request.height))
+    } else {
+        Vec::new()
+    };
+    let pass_one = build_maps_seen(scene, &plan, settings, &finest, observer)?;
     if pass_one.cancelled {
         let statistics = statistics(scene, settings, plan, pass_one);
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
@@ -134,7 +142,10 @@ pub fn render(
         }
     };
     let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
-    let (counters, shadows, finished) = pixels.run(&mut film)?;
+    let PixelsDone { counters, shadows, finished, adaptive } = match settings.adaptive {
+        true => pixels.run_adaptive(&mut film)?,
+        false => pixels.run(&mut film)?,
+    };
     drop(integrator);
     let mut statistics = statistics(scene, settings, plan, pass_one);
     statistics.times.pixels = start.elapsed().as_secs_f64();
@@ -145,6 +156,7 @@ pub fn render(
     statistics.mean_path_depth =
         segments as f64 / (counters.gather_paths + filling.gather_paths).max(1) as f64;
     statistics.cache = cache;
+    statistics.adaptive = adaptive;
     statistics.counters = counters;
     for (light, decisions) in statistics.shadows.iter_mut().zip(shadows) {
         let rays = decisions.rays_saved + decisions.rays_traced;
@@ -202,6 +214,8 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
         cache: None,
+        illumination: pass_one.illumination,
+        adaptive: None,
         shadows: pass_one.shadows,
         seconds_shadows: pass_one.seconds_shadows,
         counters: Counters::default(),
@@ -255,74 +269,184 @@ struct PixelPass<'a> {
 }
 
 impl PixelPass<'_> {
-    /// Takes all samples, in passes that each give the whole picture some; `false` where it was stopped.
-    fn run(&self, film: &mut Film) -> Result<(Counters, Vec<ShadowCounters>, bool), FilmError> {
+    /// Takes all samples, in passes that each give the whole picture some.
+    fn run(&self, film: &mut Film) -> Result<PixelsDone, FilmError> {
         let spp = self.request.settings.spp;
         let rect = film.rect();
         let tiles = rect.tiles(TILE);
-        let total = rect.area() as u64 * u64::from(spp);
-        self.observer.begin("rendering", total);
-        let mut counters = Counters::default();
-        let mut shadows = vec![ShadowCounters::default(); self.scene.lights().len()];
-        let mut done = 0u64;
+        self.observer.begin("rendering", rect.area() as u64 * u64::from(spp));
+        let mut done = PixelsDone::new(self.scene);
+        let mut advanced = 0;
         let mut first = 0;
         while first < spp {
             let count = (first * 3).clamp(1, LARGEST_PASS).min(spp - first);
-            for group in tiles.chunks(TILES_AT_ONCE) {
-                let rendered: Vec<Option<(Tile, Counters, Vec<ShadowCounters>)>> = group
-                    .par_iter()
-                    // One by one: whole halves of a row of tiles would leave threads without work at the end.
-                    .with_max_len(1)
-                    .map_init(Scratch::default, |scratch, &rect| {
-                        if self.observer.should_stop() {
-                            return Ok(None);
-                        }
-                        let mut tile = film.tile(rect)?;
-                        self.fill(&mut tile, first, count, scratch);
-                        let counters = std::mem::take(&mut scratch.counters);
-                        Ok(Some((tile, counters, std::mem::take(&mut scratch.shadows))))
-                    })
-                    .collect::<Result<_, FilmError>>()?;
-                let mut whole = true;
-                for tile in rendered {
-                    let Some((tile, counted, decided)) = tile else {
-                        whole = false;
-                        continue;
-                    };
-                    film.merge(&tile)?;
-                    counters += counted;
-                    shadows.iter_mut().zip(decided).for_each(|(sum, light)| *sum += light);
-                    done += tile.rect().area() as u64 * u64::from(count);
-                }
-                self.observer.advance(done);
-                if !whole {
-                    return Ok((counters, shadows, false));
-                }
+            let samples = |_, _| first..first + count;
+            if !self.pass(&tiles, &samples, film, &mut advanced, &mut done, None)? {
+                return Ok(done);
             }
             first += count;
         }
-        Ok((counters, shadows, true))
+        done.finished = true;
+        Ok(done)
     }
 
-    fn fill(&self, tile: &mut Tile, first: u32, count: u32, scratch: &mut Scratch) {
+    /// Takes a few samples of every pixel, then shares out the others by what those tell. The first ones are taken of the whole
+    /// picture also where a window of it is rendered, so that it shows the same.
+    fn run_adaptive(&self, film: &mut Film) -> Result<PixelsDone, FilmError> {
+        let RenderRequest { width, height, ref settings, .. } = *self.request;
+        let whole = PixelRect::whole(width, height);
+        let pilot = pilot_samples(settings.spp);
+        let rest = u64::from(settings.spp - pilot) * film.rect().area() as u64;
+        self.observer.begin("rendering", whole.area() as u64 * u64::from(pilot) + rest);
+        let mut done = PixelsDone::new(self.scene);
+        let mut advanced = 0;
+        let mut moments = vec![Moments::default(); whole.area()];
+        let first = |_, _| 0..pilot;
+        if !self.pass(&whole.tiles(TILE), &first, film, &mut advanced, &mut done, Some(&mut moments))? {
+            return Ok(done);
+        }
+        let counts = SampleCounts::share_out(&moments, width, (pilot, settings.spp), settings.seed);
+        drop(moments);
+        let (fewest, most, mean) = counts.summary();
+        done.adaptive = Some(AdaptiveStatistics { pilot, fewest, most, mean });
+        let others = |x, y| pilot..counts.at(x, y);
+        let tiles = film.rect().tiles(TILE);
+        done.finished = self.pass(&tiles, &others, film, &mut advanced, &mut done, None)?;
+        Ok(done)
+    }
+
+    /// One pass over `tiles`: of each pixel the samples that `samples` tells. What lies outside of the film is rendered for its
+    /// `moments` alone, which belong to the whole picture. `false` where it was stopped.
+    fn pass(
+        &self,
+        tiles: &[PixelRect],
+        samples: &(dyn Fn(u32, u32) -> Range<u32> + Sync),
+        film: &mut Film,
+        advanced: &mut u64,
+        done: &mut PixelsDone,
+        mut moments: Option<&mut [Moments]>,
+    ) -> Result<bool, FilmError> {
+        let whole = PixelRect::whole(self.request.width, self.request.height);
+        let wants_moments = moments.is_some();
+        for group in tiles.chunks(TILES_AT_ONCE) {
+            let rendered: Vec<Option<RenderedTile>> = group
+                .par_iter()
+                // One by one: whole halves of a row of tiles would leave threads without work at the end.
+                .with_max_len(1)
+                .map_init(Scratch::default, |scratch, &rect| {
+                    if self.observer.should_stop() {
+                        return Ok(None);
+                    }
+                    let inside = rect.intersection(&film.rect());
+                    let tile = if inside.is_empty() { None } else { Some(film.tile(inside)?) };
+                    let mut rendered = RenderedTile { rect, tile, ..RenderedTile::default() };
+                    self.fill(&mut rendered, samples, wants_moments, scratch);
+                    rendered.counters = std::mem::take(&mut scratch.counters);
+                    rendered.shadows = std::mem::take(&mut scratch.shadows);
+                    Ok(Some(rendered))
+                })
+                .collect::<Result<_, FilmError>>()?;
+            let mut complete = true;
+            for rendered in rendered {
+                let Some(rendered) = rendered else {
+                    complete = false;
+                    continue;
+                };
+                if let Some(tile) = &rendered.tile {
+                    film.merge(tile)?;
+                }
+                if let Some(moments) = &mut moments {
+                    for ((x, y), found) in rendered.rect.pixels().zip(rendered.moments) {
+                        if let Some(index) = whole.index(x, y) {
+                            moments[index] = found;
+                        }
+                    }
+                }
+                done.counters += rendered.counters;
+                done.shadows.iter_mut().zip(rendered.shadows).for_each(|(sum, light)| *sum += light);
+                *advanced += rendered.samples;
+            }
+            self.observer.advance(*advanced);
+            if !complete {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn fill(
+        &self,
+        rendered: &mut RenderedTile,
+        samples: &(dyn Fn(u32, u32) -> Range<u32> + Sync),
+        wants_moments: bool,
+        scratch: &mut Scratch,
+    ) {
         let (width, height) = (self.request.width, self.request.height);
-        let Settings { seed, spp, .. } = self.request.settings;
+        let Settings { seed, spp, adaptive, .. } = self.request.settings;
+        let most = if adaptive { most_samples(spp) } else { spp };
         let size = Vec2::new(width as f32, height as f32);
         // Back from render space; a power of two, so nothing is rounded.
         let scale = 1.0 / self.scene.space().power;
-        for (x, y) in tile.rect().pixels() {
+        for (x, y) in rendered.rect.pixels() {
             scratch.begin_pixel();
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-            for index in first..first + count {
-                let mut samples = SampleStream::of_pixel(seed, (x, y), index, spp);
-                let filtered = self.sampler.sample(samples.next_2d());
+            let mut moments = Moments::default();
+            for index in samples(x, y) {
+                let mut stream = SampleStream::of_pixel(seed, (x, y), index, most);
+                let filtered = self.sampler.sample(stream.next_2d());
                 let ray = self.camera.ray((center + filtered.offset) / size);
-                let mut sample = self.integrator.li(ray, &mut samples, scratch);
+                let mut sample = self.integrator.li(ray, &mut stream, scratch);
                 for aov in AOVS {
                     sample.radiance[aov as usize] = to_world(sample.radiance[aov as usize], scale);
                 }
-                tile.add(x, y, filtered.weight, &sample);
+                if wants_moments {
+                    let sum: DVec3 = sample.radiance.iter().map(|radiance| radiance.as_dvec3()).sum();
+                    moments.add(sum.dot(LUMINANCE));
+                }
+                rendered.samples += 1;
+                if let Some(tile) = rendered.tile.as_mut().filter(|tile| tile.rect().contains(x, y)) {
+                    tile.add(x, y, filtered.weight, &sample);
+                }
             }
+            if wants_moments {
+                rendered.moments.push(moments);
+            }
+        }
+    }
+}
+
+/// Weights of the channels in luminance, Rec. 709.
+const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
+
+/// What one thread made of one tile.
+#[derive(Default)]
+struct RenderedTile {
+    rect: PixelRect,
+    /// Of the part that lies in the film.
+    tile: Option<Tile>,
+    /// By pixel of the rectangle, where wanted.
+    moments: Vec<Moments>,
+    counters: Counters,
+    shadows: Vec<ShadowCounters>,
+    samples: u64,
+}
+
+/// What all pixels took.
+struct PixelsDone {
+    counters: Counters,
+    /// By light.
+    shadows: Vec<ShadowCounters>,
+    finished: bool,
+    adaptive: Option<AdaptiveStatistics>,
+}
+
+impl PixelsDone {
+    fn new(scene: &Scene) -> Self {
+        Self {
+            counters: Counters::default(),
+            shadows: vec![ShadowCounters::default(); scene.lights().len()],
+            finished: false,
+            adaptive: None,
         }
     }
 }

@@ -3,12 +3,13 @@
 use super::memory::{MemoryError, PhotonCounts};
 use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings, ShadowMode};
-use super::stats::{MapStatistics, PhotonStatistics, ShadowStatistics};
+use super::stats::{IlluminationStatistics, MapStatistics, PhotonStatistics, ShadowStatistics};
 use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
 use crate::lights::LightId;
 use crate::photons::{
-    DirectionGuide, EstimateParams, GuideParams, Kernel, PhotonClass, PhotonClasses, PhotonMap, PhotonTally,
-    TraceSettings, TracedPhotons, build_shadow_maps, trace_photons,
+    Deposit, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
+    PhotonClasses, PhotonMap, PhotonTally, TraceSettings, TracedPhotons, build_shadow_maps, split_deposits,
+    trace_photons,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -43,6 +44,8 @@ pub struct PassOne {
     pub reports: Vec<MapReport>,
     /// Numbers for the statistics.
     pub statistics: Vec<MapStatistics>,
+    /// Illumination maps, where there are some.
+    pub illumination: Option<IlluminationStatistics>,
     /// Shadow photons, by light.
     pub shadows: Vec<ShadowStatistics>,
     /// Seconds for those.
@@ -121,12 +124,27 @@ pub fn build_maps(
     settings: &Settings,
     observer: &dyn Observer,
 ) -> Result<PassOne, MemoryError> {
+    build_maps_seen(scene, plan, settings, &[], observer)
+}
+
+/// [`build_maps`] for a picture: `finest` is what a pretrace found ([`super::finest_distances`]), for the resolution of illumination maps.
+///
+/// # Errors
+/// Where the maps would not fit into memory.
+pub fn build_maps_seen(
+    scene: &Scene,
+    plan: &RenderPlan,
+    settings: &Settings,
+    finest: &[f32],
+    observer: &dyn Observer,
+) -> Result<PassOne, MemoryError> {
     let start = Instant::now();
     let counts = PhotonCounts::of(settings, plan);
     counts.check(settings, plan)?;
     let mut pass = PassOne::default();
     let limit = observer.deadline().map(|end| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE));
-    let mut builder = MapBuilder { scene, settings, observer, pass: &mut pass };
+    let deposits = Default::default();
+    let mut builder = MapBuilder { scene, settings, observer, finest, deposits, pass: &mut pass };
     let done = builder.build_all(plan, counts, limit);
     pass.cancelled = done.is_none();
     pass.seconds = start.elapsed().as_secs_f64();
@@ -174,6 +192,9 @@ struct MapBuilder<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
     observer: &'a dyn Observer,
+    finest: &'a [f32],
+    /// Photons of the global and of the caustic pass for illumination maps, and the count emitted; `None` before the pass.
+    deposits: [Option<(Vec<Deposit>, u64)>; 2],
     pass: &'a mut PassOne,
 }
 
@@ -214,6 +235,7 @@ impl MapBuilder<'_> {
             let end = limit.map(|limit| (start + limit).max(Instant::now() + limit.mul_f64(0.5)));
             self.pass.maps.caustic = Some(self.build(MapKind::Caustic, counts, end)?);
         }
+        self.sum_up();
         if plan.shadow_photons.build {
             if self.observer.is_cancelled() {
                 return None;
@@ -221,6 +243,24 @@ impl MapBuilder<'_> {
             build_shadows(self.scene, self.settings, self.observer, self.pass);
         }
         Some(())
+    }
+
+    /// Sums up what the passes brought to objects with illumination maps.
+    fn sum_up(&mut self) {
+        let [global, caustic] = std::mem::take(&mut self.deposits);
+        if !(self.settings.illumination_maps && self.scene.has_illumination_maps()) {
+            return;
+        }
+        // Where the caustic map alone is shown there is no global pass.
+        let (global, emitted) = global.unwrap_or_default();
+        self.observer.begin("summing up illumination", 1);
+        let start = Instant::now();
+        let caustic = caustic.as_ref().map(|(deposits, emitted)| (&deposits[..], *emitted));
+        let maps = IlluminationMaps::build(self.scene, (&global, emitted), caustic, self.finest);
+        self.pass.illumination =
+            Some(IlluminationStatistics { sizes: maps.sizes(), seconds: start.elapsed().as_secs_f64() });
+        self.pass.maps.illumination = Some(maps);
+        self.observer.advance(1);
     }
 
     fn build(&mut self, kind: MapKind, counts: PhotonCounts, end: Option<Instant>) -> Option<PhotonMap> {
@@ -262,15 +302,30 @@ impl MapBuilder<'_> {
         };
         self.pass.statistics.push(statistics);
         let start = Instant::now();
-        let TracedPhotons { photons, emitted, tallies, stopped, reached, missing, divided } = traced;
+        let TracedPhotons { photons, surfaces, emitted, tallies, stopped, reached, missing, divided } =
+            traced;
+        let keeps_all = !self.settings.illumination_maps || self.settings.integrator == IntegratorKind::Path;
+        let surfaces = if keeps_all { Vec::new() } else { surfaces };
+        let (photons, deposits) = split_deposits(photons, &surfaces, scene);
+        let summed = deposits.len() as u64;
+        self.deposits[kind as usize] = Some((deposits, emitted));
         let map = PhotonMap::build_until(photons, emitted, &|| observer.is_cancelled())?;
         if let Some(statistics) = self.pass.statistics.last_mut() {
             statistics.photons = map.len() as u64;
             statistics.bytes = map.memory_bytes() as u64;
             statistics.seconds_building = start.elapsed().as_secs_f64();
         }
-        let findings =
-            Findings { scene, name, kind, wanted, map: &map, tallies: &tallies, stopped, reached: &reached };
+        let findings = Findings {
+            scene,
+            name,
+            kind,
+            wanted,
+            summed,
+            map: &map,
+            tallies: &tallies,
+            stopped,
+            reached: &reached,
+        };
         findings.warn(&missing, &divided, &mut self.pass.warnings);
         self.pass.reports.push(MapReport { kind, emitted, tallies });
         Some(map)
@@ -317,6 +372,8 @@ struct Findings<'a> {
     name: &'static str,
     kind: MapKind,
     wanted: u64,
+    /// Photons that went to illumination maps instead.
+    summed: u64,
     map: &'a PhotonMap,
     tallies: &'a [PhotonTally],
     stopped: bool,
@@ -326,8 +383,9 @@ struct Findings<'a> {
 
 impl Findings<'_> {
     fn warn(&self, missing: &[LightId], divided: &[LightId], warnings: &mut Vec<String>) {
-        let Self { name, kind, wanted, map, .. } = *self;
-        if map.is_empty() && wanted > 0 {
+        let Self { name, kind, wanted, summed, map, .. } = *self;
+        let stored = map.len() as u64 + summed;
+        if stored == 0 && wanted > 0 {
             warnings.push(match kind {
                 MapKind::Caustic => "the caustic map is empty: no photon reached a diffuse surface by way of a \
                                      specular one; there will be no caustics (is the light blocked, or does nothing \
@@ -339,14 +397,12 @@ impl Findings<'_> {
             });
         } else if self.stopped {
             warnings.push(format!(
-                "the {name} map holds {} photons of the {wanted} asked for, traced in its share of the time limit; \
-                 ask for fewer, or give it more time",
-                map.len()
+                "the {name} map holds {stored} photons of the {wanted} asked for, traced in its share of the time limit; \
+                 ask for fewer, or give it more time"
             ));
-        } else if (map.len() as f64) < UNDERFILLED * wanted as f64 {
+        } else if (stored as f64) < UNDERFILLED * wanted as f64 {
             warnings.push(format!(
-                "the {name} map holds {} photons of the {wanted} asked for: too few of those emitted are stored",
-                map.len()
+                "the {name} map holds {stored} photons of the {wanted} asked for: too few of those emitted are stored"
             ));
         }
         if map.dropped() > 0 {
@@ -378,7 +434,7 @@ impl Findings<'_> {
 
     /// Casters that no photon met.
     fn warn_of_casters(&self, warnings: &mut Vec<String>) {
-        if self.map.is_empty() || self.reached.is_empty() {
+        if self.map.len() as u64 + self.summed == 0 || self.reached.is_empty() {
             return;
         }
         let mut dark: Vec<u32> = self.scene.casters().iter().map(|caster| caster.surface).collect();
@@ -399,7 +455,8 @@ impl Findings<'_> {
     fn warn_of_lights(&self, missing: &[LightId], divided: &[LightId], warnings: &mut Vec<String>) {
         let light_name = |light: usize| self.scene.light_note(light).name.as_str();
         let starved = |tally: &PhotonTally| {
-            let none = self.kind == MapKind::Global && tally.stored == 0 && !self.map.is_empty();
+            let none =
+                self.kind == MapKind::Global && tally.stored == 0 && self.map.len() as u64 + self.summed > 0;
             tally.emitted > 0 && (tally.emitted < STARVED || none)
         };
         let lights: Vec<usize> =

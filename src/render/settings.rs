@@ -95,6 +95,10 @@ pub struct Overrides {
     pub cache_error: Option<f32>,
     /// Gather rays for each place of the cache.
     pub cache_samples: Option<u32>,
+    /// Whether objects that the scene gives illumination maps have them; otherwise photon maps serve everywhere.
+    pub illumination_maps: Option<bool>,
+    /// Whether pixels get camera samples by the variance around them.
+    pub adaptive: Option<bool>,
     /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
     pub accurate_distance: Option<f32>,
     /// Paths of which less than this share arrives are evaluated from the maps alone.
@@ -139,6 +143,8 @@ impl Overrides {
             show: self.show.or(below.show),
             max_depth: self.max_depth.or(below.max_depth),
             irradiance_cache: self.irradiance_cache.or(below.irradiance_cache),
+            illumination_maps: self.illumination_maps.or(below.illumination_maps),
+            adaptive: self.adaptive.or(below.adaptive),
             cache_error: self.cache_error.or(below.cache_error),
             cache_samples: self.cache_samples.or(below.cache_samples),
             accurate_distance: self.accurate_distance.or(below.accurate_distance),
@@ -213,6 +219,10 @@ pub struct Settings {
     pub cache_error: f32,
     /// Gather rays for each place of the cache.
     pub cache_samples: u32,
+    /// Whether objects that the scene gives illumination maps have them; otherwise photon maps serve everywhere.
+    pub illumination_maps: bool,
+    /// Whether pixels get camera samples by the variance around them, `spp` on average.
+    pub adaptive: bool,
     /// Behind a diffuse reflection, surfaces nearer than this share of the scene's radius are computed accurately.
     pub accurate_distance: f32,
     /// Paths of which less than this share arrives are evaluated from the maps alone.
@@ -278,6 +288,8 @@ impl Quality {
             irradiance_cache: self != Self::Reference,
             cache_error,
             cache_samples,
+            illumination_maps: true,
+            adaptive: false,
             accurate_distance: 0.02,
             approximate_weight: 0.01,
         }
@@ -320,6 +332,8 @@ impl From<&Overrides> for Settings {
             show: asked.show.unwrap_or(preset.show),
             max_depth: asked.max_depth.unwrap_or(preset.max_depth),
             irradiance_cache: asked.irradiance_cache.unwrap_or(preset.irradiance_cache),
+            illumination_maps: asked.illumination_maps.unwrap_or(preset.illumination_maps),
+            adaptive: asked.adaptive.unwrap_or(preset.adaptive),
             cache_error: asked.cache_error.unwrap_or(preset.cache_error),
             cache_samples: asked.cache_samples.unwrap_or(preset.cache_samples),
             accurate_distance: asked.accurate_distance.unwrap_or(preset.accurate_distance),

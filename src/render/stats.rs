@@ -65,6 +65,29 @@ pub struct MapStatistics {
     pub lights: Vec<PhotonStatistics>,
 }
 
+/// Illumination maps of all objects together.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct IlluminationStatistics {
+    /// How large they became.
+    #[serde(flatten)]
+    pub sizes: crate::photons::IlluminationSizes,
+    /// Seconds to sum photons up.
+    pub seconds: f64,
+}
+
+/// Camera samples of pixels by variance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AdaptiveStatistics {
+    /// Camera samples of every pixel of the whole picture before it is decided who gets more.
+    pub pilot: u32,
+    /// Fewest that a pixel got.
+    pub fewest: u32,
+    /// Most that a pixel got.
+    pub most: u32,
+    /// Mean over the whole picture.
+    pub mean: f64,
+}
+
 /// The irradiance cache.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct CacheStatistics {
@@ -131,6 +154,10 @@ pub struct Statistics {
     pub irradiance_bytes: u64,
     /// The irradiance cache, where there is one.
     pub cache: Option<CacheStatistics>,
+    /// Illumination maps, where there are some.
+    pub illumination: Option<IlluminationStatistics>,
+    /// Samples by variance, where they were asked for.
+    pub adaptive: Option<AdaptiveStatistics>,
     /// Bytes of the distributions that guide directions.
     pub guide_bytes: u64,
     /// Rays and look-ups of pass 2.

@@ -39,6 +39,11 @@ impl RenderSpace {
         (world - self.center) * self.scale
     }
 
+    /// World position, in metres, of a render-space position.
+    pub fn world_position(&self, position: DVec3) -> DVec3 {
+        position / self.scale + self.center
+    }
+
     /// Render-space length of a length in metres.
     pub fn length(&self, metres: f64) -> f64 {
         metres * self.scale

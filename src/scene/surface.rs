@@ -199,6 +199,8 @@ pub struct DiffuseHit {
     pub(super) facing: Vec3A,
     /// Of the surface on that side; not black.
     pub reflectance: Rgb,
+    /// Index of the surface in [`super::Scene::surfaces`].
+    pub surface: u32,
 }
 
 impl DiffuseHit {

@@ -1,5 +1,6 @@
 //! Surfaces, where they stand, and the queries that find them.
 
+use super::illuminated::IlluminatedShape;
 use super::material::Material;
 use super::render_space::RenderSpace;
 use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
@@ -60,6 +61,8 @@ pub struct Surface {
     pub part_materials: Vec<u32>,
     /// The light that this surface is, if it emits.
     pub light: Option<LightId>,
+    /// Where photons are summed up in an illumination map instead of being kept in photon maps.
+    pub illumination: Option<Arc<IlluminatedShape>>,
 }
 
 impl Surface {
@@ -167,6 +170,11 @@ impl Scene {
     /// All surfaces.
     pub fn surfaces(&self) -> &[Surface] {
         &self.parts.surfaces
+    }
+
+    /// Whether any surface has an illumination map.
+    pub fn has_illumination_maps(&self) -> bool {
+        self.parts.surfaces.iter().any(|surface| surface.illumination.is_some())
     }
 
     /// A surface.
@@ -333,7 +341,7 @@ impl Scene {
         let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
         let facing = if cosine > 0.0 { point.normal } else { -point.normal };
         let is_plain = reflects && cosine != 0.0 && reflectance.max_element() > 0.0;
-        is_plain.then_some(DiffuseHit { point, facing, reflectance })
+        is_plain.then_some(DiffuseHit { point, facing, reflectance, surface: *index })
     }
 
     /// [`Self::interaction`] for procedural objects and instances.

@@ -6,7 +6,7 @@ use super::mesh::TriangleMesh;
 use crate::bsdf::Bsdf;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
-use crate::scene::Tangent;
+use crate::scene::{IlluminationKernel, Tangent};
 use crate::shapes::{Csg, TerrainNoise};
 use crate::textures::SolidTexture;
 use glam::{DAffine3, DMat3, DVec3};
@@ -240,6 +240,17 @@ pub struct EmissionDescription {
     pub photons: f64,
 }
 
+/// An illumination map over a shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IlluminationDescription {
+    /// How photons are spread over its elements.
+    pub kernel: IlluminationKernel,
+    /// Elements over the whole shape; `None` to go by the light that it receives.
+    pub elements: Option<u32>,
+    /// Elements of caustic maps along each side of one of these; `None` to go by what the camera sees.
+    pub refinement: Option<u32>,
+}
+
 /// A shape and what it is made of.
 #[derive(Clone, Debug)]
 pub struct ShapeDescription {
@@ -255,6 +266,8 @@ pub struct ShapeDescription {
     pub material: usize,
     /// Caustic photons in the directions of this shape, in proportion to other shapes of the same material.
     pub caustic_photons: f64,
+    /// Whether photons are summed up in an illumination map.
+    pub illumination: Option<IlluminationDescription>,
     /// Emission, if any.
     pub emission: Option<EmissionDescription>,
     /// Index into [`SceneDescription::groups`], or `None` for a shape that is in the picture as it is.

@@ -168,6 +168,12 @@ impl<'a> Value<'a> {
         matches!(self.value.get_ref(), DeValue::Table(_))
     }
 
+    /// Also where a parameter stands for the value.
+    pub(super) fn is_boolean(&self) -> bool {
+        let parameter = self.whole_parameter().map(|(_, text)| text.trim());
+        matches!(self.value.get_ref(), DeValue::Boolean(_)) || matches!(parameter, Some("true" | "false"))
+    }
+
     pub(super) fn is_string(&self) -> bool {
         matches!(self.value.get_ref(), DeValue::String(_))
     }

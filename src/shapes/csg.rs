@@ -1,6 +1,6 @@
 use super::roots::accept;
 use super::solid::{MOST_CROSSINGS, Solid};
-use super::{ShapeError, nearest_by_refining};
+use super::{Chart, ShapeError, nearest_by_refining};
 use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray};
 use arrayvec::ArrayVec;
@@ -122,6 +122,14 @@ impl Csg {
             }
         }
         whole.pop().ok_or(ShapeError::NoArea)
+    }
+
+    /// Coordinates on the faces of a single box; `None` for other objects.
+    pub fn charts(&self) -> Option<Vec<Chart>> {
+        match &*self.solids {
+            [solid] => solid.charts(),
+            _ => None,
+        }
     }
 
     /// A box around the whole; empty where an intersection is.

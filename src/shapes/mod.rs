@@ -18,6 +18,7 @@
 //! side emits, and what is in between, is for the light to ask. Densities are `f32`, 1/m^2 of the shape's space
 //! and 1/sr; all else is `f64`.
 
+mod chart;
 mod csg;
 mod cylinder;
 mod disc;
@@ -36,6 +37,7 @@ mod triangle;
 #[cfg(test)]
 mod tests;
 
+pub use chart::Chart;
 pub use csg::{Csg, CsgOperation};
 pub use cylinder::Cylinder;
 pub use disc::Disc;

@@ -1,6 +1,6 @@
 use super::span::Span;
 use super::torus::torus_roots;
-use super::{ShapeError, error_bound, finite, grown, positive_radius, tangents};
+use super::{Chart, ShapeError, error_bound, finite, grown, positive_radius, tangents};
 use crate::embree::SurfacePoint;
 use crate::math::{Bounds3, Ray, unit_f64};
 use arrayvec::ArrayVec;
@@ -140,6 +140,24 @@ impl Solid {
             back_curvature: aperture / back,
         };
         Self::new(form, center, DMat3::from_cols(x * aperture, y * aperture, axis * aperture))
+    }
+
+    /// Coordinates on the faces of a box, normals outward; `None` for other bodies.
+    pub(super) fn charts(&self) -> Option<Vec<Chart>> {
+        if self.form != Form::Box {
+            return None;
+        }
+        let axes = [self.to_object.x_axis, self.to_object.y_axis, self.to_object.z_axis];
+        let turn = if self.to_object.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let face = |axis: usize, side: f64| {
+            let (out, u, v) = (axes[axis], axes[(axis + 1) % 3], axes[(axis + 2) % 3]);
+            // Turned with the side, so that the normal points outward.
+            let u = u * (side * turn);
+            Chart::parallelogram(self.center + out * side - u - v, 2.0 * u, 2.0 * v).ok()
+        };
+        (0..6)
+            .map(|face_number| face(face_number / 2, if face_number % 2 == 0 { 1.0 } else { -1.0 }))
+            .collect()
     }
 
     /// The body under a transform, which must not flatten it.

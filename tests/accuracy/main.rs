@@ -5,7 +5,9 @@
 //! other seeds pass as well, and each says where it comes from.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod adaptive;
 mod cache;
+mod closed_forms;
 mod crossings;
 mod determinism;
 mod direct;
@@ -14,6 +16,7 @@ mod estimators;
 mod extremes;
 mod glossy;
 mod guide;
+mod illumination;
 mod jensen96;
 mod photon_pass;
 mod pictures;

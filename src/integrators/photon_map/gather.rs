@@ -9,6 +9,7 @@ use crate::integrators::{Directions, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
+use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
 use std::f32::consts::FRAC_1_PI;
@@ -238,7 +239,8 @@ impl PhotonMapIntegrator<'_> {
 
     /// Whether there is indirect light. An empty map is warned about, and not made up for.
     pub(super) fn has_photons(&self) -> bool {
-        self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
+        let is_lit = self.maps.illumination.as_ref().is_some_and(|maps| maps.sizes().photons > 0);
+        is_lit || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
     }
 
     /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling.
@@ -262,6 +264,9 @@ impl PhotonMapIntegrator<'_> {
         shading: &Shading,
         scratch: &mut Scratch,
     ) -> Option<Rgb> {
+        if let Some(radiance) = self.summed_up(hit, shading, IlluminationMaps::all, scratch) {
+            return Some(radiance);
+        }
         let map = self.maps.global.as_ref().filter(|map| !map.is_empty())?;
         scratch.counters.global_lookups += 1;
         let largest = self.settings.max_radius;

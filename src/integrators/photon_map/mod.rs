@@ -5,6 +5,7 @@ mod cache;
 mod gather;
 mod glossy;
 mod lookup;
+mod receive;
 mod reuse;
 mod show;
 mod show_classes;
@@ -22,7 +23,8 @@ use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::photons::{
-    DirectionGuide, EstimateParams, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps,
+    DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion,
+    ShadowMaps,
 };
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
@@ -117,6 +119,8 @@ pub struct PhotonMaps {
     pub guide: Option<DirectionGuide>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
+    /// Sums of photons over objects with coordinates; `None` where there are none.
+    pub illumination: Option<IlluminationMaps>,
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
     pub shadows: Option<ShadowMaps>,
 }
@@ -170,6 +174,10 @@ impl<'a> PhotonMapIntegrator<'a> {
 
     /// Third integral: the caustic map, shown directly.
     fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+        let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
+        if let Some(radiance) = by_map {
+            return radiance;
+        }
         let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
         scratch.counters.caustic_lookups += 1;
         let query = self.settings.caustic_query(map, vertex.hit.point.position, vertex.hit.facing_normal());
@@ -184,6 +192,10 @@ impl<'a> PhotonMapIntegrator<'a> {
         let (Some(map), Some(lambert)) = (&self.maps.caustic, lambert) else {
             return self.caustics(vertex, scratch);
         };
+        let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
+        if let Some(radiance) = by_map {
+            return radiance;
+        }
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
         let known = scratch.remembered.at(position, normal);
         scratch.counters.caustic_shared += u64::from(known.is_some());
@@ -197,6 +209,22 @@ impl<'a> PhotonMapIntegrator<'a> {
             estimate.value
         });
         lambert.reflectance * irradiance * FRAC_1_PI
+    }
+
+    /// Radiance that a Lambertian surface reflects of the light that `read` finds in its illumination map; `None` where it has
+    /// none.
+    fn summed_up(
+        &self,
+        hit: &SurfaceInteraction,
+        shading: &Shading,
+        read: impl Fn(&IlluminationMaps, u32, Vec3, Vec3) -> Option<Rgb>,
+        scratch: &mut Scratch,
+    ) -> Option<Rgb> {
+        let maps = self.maps.illumination.as_ref()?;
+        let irradiance = read(maps, hit.surface, hit.point.position, hit.facing_normal())?;
+        let lambert = shading.bsdf.lambertian()?;
+        scratch.counters.illumination_lookups += 1;
+        Some(lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
     fn transmittance(&self, medium: MediumId, distance: f32) -> Rgb {

@@ -9,6 +9,7 @@ use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
+use std::f32::consts::FRAC_1_PI;
 
 /// Shows one map at the first diffuse surface seen directly or through specular ones (figure 4 of Jensen 1996).
 #[derive(Debug)]
@@ -38,6 +39,15 @@ impl<'a> ShowPhotons<'a> {
             MapKind::Global => (&self.maps.global, &self.settings.global, Aov::Indirect),
             MapKind::Caustic => (&self.maps.caustic, &self.settings.caustic, Aov::Caustics),
         };
+        if let Some(irradiance) = self.maps.illumination.as_ref().and_then(|maps| match self.kind {
+            MapKind::Global => maps.all(vertex.hit.surface, position, normal),
+            MapKind::Caustic => maps.caustic(vertex.hit.surface, position, normal),
+        }) {
+            scratch.counters.illumination_lookups += 1;
+            let lambert = vertex.shading.bsdf.lambertian();
+            let reflected = lambert.map_or(Rgb::ZERO, |lambert| lambert.reflectance * irradiance * FRAC_1_PI);
+            return (aov, reflected);
+        }
         let Some(map) = map else { return (aov, Rgb::ZERO) };
         if !vertex.shading.bsdf.has_diffuse() {
             return (aov, Rgb::ZERO);

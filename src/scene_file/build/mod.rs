@@ -5,8 +5,8 @@ mod place;
 
 use self::place::{Placed, Source};
 use super::description::{
-    CameraDescription, EmissionDescription, GeometryDescription, LightDescription, Location,
-    MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
+    CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, LightDescription,
+    Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
 use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
@@ -16,8 +16,8 @@ use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointL
 use crate::math::{Bounds3, unit_f64};
 use crate::media::Medium;
 use crate::scene::{
-    Bump, Geometry, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace, Scene, SceneParts,
-    Surface, Target,
+    Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
+    Scene, SceneParts, Surface, Target,
 };
 use crate::shapes::{EmitterShape, ShapeError};
 use glam::{DAffine3, DVec3};
@@ -81,6 +81,9 @@ pub enum BuildProblem {
     /// An emitter whose area cannot be summed up.
     #[error("emits, but the area of its surface is zero or beyond what can be computed; check its scale")]
     EmitterArea,
+    /// An illumination map where there can be none.
+    #[error("cannot have an illumination map: {0}; leave `illumination-map` out, and its photons are kept")]
+    Illumination(&'static str),
     /// Embree.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
@@ -332,6 +335,10 @@ impl<'a> Builder<'a> {
                 instanced[index] = true;
                 continue;
             }
+            if shape.value.illumination.is_some() && (instance.is_some() || source.needs_instance(&total)) {
+                let reason = "it is in a group, or scaled differently along different axes";
+                return Err(error_of(shape, BuildProblem::Illumination(reason)));
+            }
             if source.needs_instance(&total) {
                 if emits {
                     return Err(error_of(shape, BuildProblem::NotSimilar));
@@ -340,7 +347,12 @@ impl<'a> Builder<'a> {
                 continue;
             }
             let placed = source.place(&total, emits).map_err(|problem| error_of(shape, problem))?;
+            let illumination =
+                self.illumination(index, &total).map_err(|problem| error_of(shape, problem))?;
             self.add_surface(index, placed, &mut top, &mut assembly)?;
+            if let Some(surface) = assembly.surfaces.last_mut() {
+                surface.illumination = illumination;
+            }
         }
         self.add_groups(&instanced, &to_render, device, &mut top, &mut assembly)?;
         Ok((top.commit().map_err(fail)?, assembly))
@@ -480,7 +492,28 @@ impl<'a> Builder<'a> {
             material: shape.value.material as u32,
             part_materials: self.part_materials(index),
             light: None,
+            illumination: None,
         }
+    }
+
+    /// Coordinates of shape `index` under `total`, where it is to have an illumination map.
+    fn illumination(
+        &self,
+        index: usize,
+        total: &DAffine3,
+    ) -> Result<Option<Arc<IlluminatedShape>>, BuildProblem> {
+        let shape = &self.description.shapes[index].value;
+        let Some(asked) = shape.illumination else { return Ok(None) };
+        let material = &self.description.materials[shape.material].value;
+        if !matches!(material, MaterialDescription::Lambert { .. }) {
+            return Err(BuildProblem::Illumination(
+                "the map holds irradiance, which says what is reflected by a `lambert` material alone",
+            ));
+        }
+        let charts = self.sources[index].0.charts(total)?;
+        let charts = charts.ok_or(BuildProblem::Illumination("it has no coordinates"))?;
+        let IlluminationDescription { kernel, elements, refinement } = asked;
+        Ok(Some(Arc::new(IlluminatedShape { charts, kernel, elements, refinement })))
     }
 
     /// Materials of the parts of a shape; empty where all have that of the shape.

@@ -8,7 +8,7 @@ use crate::scene_file::description::MeshNormals;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh};
 use crate::scene_file::{GeometryDescription, generate, read_mesh_file};
 use crate::shapes::{
-    Csg, Cylinder, Disc, EmitterShape, HeightGrid, Quad, Sphere, SphereFlake, Terrain, Triangle,
+    Chart, Csg, Cylinder, Disc, EmitterShape, HeightGrid, Quad, Sphere, SphereFlake, Terrain, Triangle,
 };
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
@@ -169,6 +169,28 @@ impl Source {
                 own_box.transformed(&(*transform * *own))
             }
         }
+    }
+
+    /// Coordinates on the shape under `transform`, a similarity; `None` for shapes that have none.
+    pub(super) fn charts(&self, transform: &DAffine3) -> Result<Option<Vec<Chart>>, BuildProblem> {
+        let point = |p: &DVec3| transform.transform_point3(*p);
+        let vector = |v: &DVec3| transform.transform_vector3(*v);
+        let scale = || similarity(transform).ok_or(BuildProblem::NotSimilar);
+        let chart = match self {
+            Self::Quad { corner, edge_u, edge_v } => {
+                Chart::parallelogram(point(corner), vector(edge_u), vector(edge_v))
+            }
+            Self::Sphere { center, radius } => Chart::sphere(point(center), radius * scale()?),
+            Self::Cylinder { base, top, radius } => {
+                Chart::cylinder(point(base), point(top), radius * scale()?)
+            }
+            Self::Disc { center, normal, radius } => {
+                Chart::disc(point(center), vector(normal), radius * scale()?)
+            }
+            Self::Csg(object) => return Ok(object.transformed(transform)?.charts()),
+            Self::Mesh(_) | Self::SphereFlake { .. } | Self::Terrain { .. } => return Ok(None),
+        };
+        Ok(Some(vec![chart?]))
     }
 
     /// True where `transform` turns the shape into another that has no exact intersection here: a sphere into an

@@ -5,6 +5,7 @@ use super::names::Names;
 use super::objects::{Body, read_csg, read_flake, read_solid, read_terrain};
 use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
+use crate::scene::IlluminationKernel;
 use crate::scene_file::description::*;
 use crate::scene_file::is_mesh_file;
 use crate::scene_file::mesh::{is_degenerate, triangulate_polygon};
@@ -106,6 +107,17 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
     let transform = transform_of(&mut table);
     let flip_normal = table.or("flip-normal", false, |value| value.boolean());
     let caustic_photons = table.or("caustic-photons", 1.0, |value| value.number(&SHARE));
+    let illumination = table.optional("illumination-map", read_illumination).map(Option::flatten);
+    let has_coordinates = match &geometry {
+        Some(GeometryDescription::Csg { object, .. }) => object.charts().is_some(),
+        _ => matches!(kind, Kind::Quad | Kind::Sphere | Kind::Cylinder | Kind::Disc),
+    };
+    if geometry.is_some() && !has_coordinates && matches!(illumination, Some(Some(_))) {
+        table.refuse::<()>(
+            format!("{} has no coordinates over which illumination could be summed up", table.title()),
+            "give the map to a quad, box, sphere, cylinder or disc; other shapes keep their photons",
+        );
+    }
     let emission = table.optional("emission", read_emission);
     // An emitter need not reflect anything, so only it may do without a material.
     let material = match (table.get("material"), &emission) {
@@ -136,9 +148,31 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         flip_normal: flip_normal?,
         material: material?,
         caustic_photons: caustic_photons?,
+        illumination: illumination?,
         emission: emission?,
         group: None,
     })
+}
+
+/// `true`, `false`, a kernel, or a table of details.
+fn read_illumination(value: Value<'_>) -> Option<Option<IlluminationDescription>> {
+    const KERNELS: &[(&str, IlluminationKernel)] =
+        &[("box", IlluminationKernel::Box), ("tent", IlluminationKernel::Tent)];
+    let with = |kernel| IlluminationDescription { kernel, elements: None, refinement: None };
+    if value.is_boolean() {
+        return value.boolean().map(|wanted| wanted.then(|| with(IlluminationKernel::Tent)));
+    }
+    if !value.is_table() {
+        return value.choice(KERNELS).map(|kernel| Some(with(kernel)));
+    }
+    let mut table = value.table("`illumination-map`", "")?;
+    let kernel = table.or("kernel", IlluminationKernel::Tent, |value| value.choice(KERNELS));
+    let count =
+        |most: u64| move |value: Value<'_>| value.integer(1..=most).and_then(|n| u32::try_from(n).ok());
+    let elements = table.optional("elements", count(4_194_304));
+    let refinement = table.optional("refinement", count(64));
+    table.finish();
+    Some(Some(IlluminationDescription { kernel: kernel?, elements: elements?, refinement: refinement? }))
 }
 
 fn read_emission(value: Value<'_>) -> Option<EmissionDescription> {

@@ -194,6 +194,8 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
     let max_depth = table.optional("max-depth", count(1, MANY));
     let share = |limits: &'static Expected| move |value: Value<'_>| value.number(limits).map(|x| x as f32);
     let irradiance_cache = table.optional("irradiance-cache", |value| value.boolean());
+    let illumination_maps = table.optional("illumination-maps", |value| value.boolean());
+    let adaptive = table.optional("adaptive", |value| value.boolean());
     let cache_error = table.optional("cache-error", share(&CACHE_ERROR));
     let cache_samples = table.optional("cache-samples", count(4, MANY));
     let caustic_reuse = table.optional("caustic-reuse", share(&SHARE));
@@ -231,6 +233,8 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
         light_samples: light_samples?,
         max_depth: max_depth?,
         irradiance_cache: irradiance_cache?,
+        illumination_maps: illumination_maps?,
+        adaptive: adaptive?,
         cache_error: cache_error?,
         cache_samples: cache_samples?,
         accurate_distance: accurate_distance?,
