@@ -48,6 +48,8 @@ pub struct LayerSet {
     pub object_id: bool,
     /// Which material.
     pub material_id: bool,
+    /// Estimate of the bias, where the integrator makes one.
+    pub bias: bool,
 }
 
 impl Default for LayerSet {
@@ -60,14 +62,23 @@ impl Default for LayerSet {
             depth: false,
             object_id: false,
             material_id: false,
+            bias: false,
         }
     }
 }
 
 impl LayerSet {
-    /// Everything there is.
+    /// Everything that every integrator has.
     pub fn all() -> Self {
-        Self { aovs: [true; 5], albedo: true, normal: true, depth: true, object_id: true, material_id: true }
+        Self {
+            aovs: [true; 5],
+            albedo: true,
+            normal: true,
+            depth: true,
+            object_id: true,
+            material_id: true,
+            bias: false,
+        }
     }
 
     /// True where `aov` has a buffer.

@@ -23,7 +23,7 @@ mod trace;
 
 pub use domain::{FEELERS, KernelDomain};
 pub use emission::{EmittedPhoton, Emitter};
-pub use estimate::{Estimate, EstimateParams};
+pub use estimate::{Estimate, EstimateParams, NARROWER};
 pub use guide::{DirectionGuide, GuideLobe, GuideParams};
 pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};

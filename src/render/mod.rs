@@ -4,6 +4,7 @@ mod job;
 mod maps;
 mod memory;
 mod observer;
+mod progressive;
 mod settings;
 mod stats;
 
@@ -11,5 +12,10 @@ pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
 pub use maps::{MapReport, PassOne, build_maps};
 pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
+pub use progressive::{
+    Checkpoint, CheckpointError, ErrorEstimate, RoundStatistics, Rounds, error_of_halves, render_in_rounds,
+};
 pub use settings::*;
-pub use stats::{CacheStatistics, MapStatistics, PhotonStatistics, ShadowStatistics, Statistics, Times};
+pub use stats::{
+    CacheStatistics, MapStatistics, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics, Times,
+};

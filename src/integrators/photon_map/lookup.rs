@@ -47,7 +47,9 @@ pub(super) fn reflected_estimate(
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
     let estimate = if let Some(lambert) = shading.bsdf.lambertian() {
         let estimate = map.estimate_irradiance_visible(query, params, photons, domain);
-        Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate }
+        let reflected = |irradiance: Rgb| lambert.reflectance * irradiance * FRAC_1_PI;
+        let (value, narrower) = (reflected(estimate.value), reflected(estimate.narrower));
+        Estimate { value, narrower, ..estimate }
     } else {
         let wo = shading.wo_local;
         let f = |wi: Vec3| {

@@ -5,12 +5,14 @@ mod cache;
 mod gather;
 mod glossy;
 mod lookup;
+mod narrowing;
 mod show;
 mod show_classes;
 mod walk;
 
 pub use cache::{CachePass, CacheRequest};
 pub use lookup::visible_domain;
+pub use narrowing::Narrowing;
 pub use show::ShowPhotons;
 pub use show_classes::ShowClasses;
 
@@ -25,8 +27,9 @@ use crate::photons::{
 };
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
+use gather::Gain;
 use glam::Vec3;
-use lookup::reflected;
+use lookup::reflected_estimate;
 use walk::{Walk, walk_specular};
 
 /// How the maps are read.
@@ -65,6 +68,8 @@ pub struct PhotonMapSettings {
     pub accurate_distance: f32,
     /// Paths that carry less than this are evaluated from the maps alone.
     pub approximate_weight: f32,
+    /// How far a round of progressive rendering has narrowed what is biased; `None` for a picture of one map alone.
+    pub narrowing: Option<Narrowing>,
 }
 
 impl PhotonMapSettings {
@@ -75,7 +80,8 @@ impl PhotonMapSettings {
 
     /// A query of the caustic map at a place.
     pub fn caustic_query(&self, position: Vec3, normal: Vec3) -> Query {
-        self.query(position, normal, self.caustic_nearest, self.caustic_radius)
+        let query = self.query(position, normal, self.caustic_nearest, self.caustic_radius);
+        self.narrowing.map_or(query, |narrowing| narrowing.narrow(query))
     }
 
     fn query(&self, position: Vec3, normal: Vec3, nearest: u32, radius: Option<f32>) -> Query {
@@ -151,12 +157,35 @@ impl<'a> PhotonMapIntegrator<'a> {
         Directions::new(self.maps.guide.as_ref(), vertex.hit, vertex.shading, &mut scratch.counters)
     }
 
-    /// Third integral: the caustic map, shown directly.
-    fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
-        let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
+    /// Third integral: the caustic map, shown directly. And by how much that is expected to be off, in rounds of
+    /// progressive rendering.
+    fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Rgb, Rgb) {
+        let Some(map) = &self.maps.caustic else { return (Rgb::ZERO, Rgb::ZERO) };
         scratch.counters.caustic_lookups += 1;
         let query = self.settings.caustic_query(vertex.hit.point.position, vertex.hit.facing_normal());
-        reflected(self.scene, &self.settings, (map, &query, &self.settings.caustic), vertex.shading, scratch)
+        let what = (map, &query, &self.settings.caustic);
+        let estimate = reflected_estimate(self.scene, &self.settings, what, vertex.shading, scratch);
+        (estimate.value, narrowing::bias_of(&estimate))
+    }
+
+    /// The same behind a diffuse reflection.
+    fn caustics_behind(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+        let (Some(map), Some(narrowing)) = (&self.maps.caustic, self.settings.narrowing) else {
+            return self.caustics(vertex, scratch).0;
+        };
+        scratch.counters.caustic_lookups += 1;
+        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
+        let query = self.settings.caustic_query_behind(narrowing, position, normal);
+        // Feelers would cost more than all else, and the radius is small.
+        let reading = PhotonMapSettings { visible_kernel: false, ..self.settings };
+        reflected_estimate(
+            self.scene,
+            &reading,
+            (map, &query, &self.settings.caustic),
+            vertex.shading,
+            scratch,
+        )
+        .value
     }
 
     fn transmittance(&self, medium: MediumId, distance: f32) -> Rgb {
@@ -191,16 +220,18 @@ impl<'a> PhotonMapIntegrator<'a> {
         } else {
             Reflected::default()
         };
-        let (mut caustics, mut indirect, mut by_bsdf) = (Rgb::ZERO, Rgb::ZERO, Rgb::ZERO);
+        let (mut caustics, mut gathered) = (Rgb::ZERO, Gain::default());
         if has_diffuse {
-            caustics = self.caustics(vertex, scratch);
-            (indirect, by_bsdf) = self.indirect(vertex, &directions, samples, scratch);
+            let bias;
+            (caustics, bias) = self.caustics(vertex, scratch);
+            gathered = self.indirect(vertex, &directions, samples, scratch);
+            scratch.bias = bias + gathered.bias;
         }
         [
-            (Aov::Direct, by_light.diffuse + by_bsdf),
+            (Aov::Direct, by_light.diffuse + gathered.direct),
             (Aov::Specular, by_light.glossy),
             (Aov::Caustics, caustics),
-            (Aov::Indirect, indirect),
+            (Aov::Indirect, gathered.indirect),
         ]
     }
 }
