@@ -18,6 +18,7 @@ use std::process::ExitCode;
 ///   rmse      sqrt(mean((t - r)^2))
 ///   relmse    mean((t - r)^2 / (r^2 + 0.01))
 ///   relmse_u  the same without the noise of the reference, given both halves of it; the one to quote
+///   relrmse_u the root of relmse_u with a hundredth of the square of the mean of r in place of 0.01
 ///   relmse_t  relmse without the worst 0.1 % of the pixels
 ///   bias      mean luminance of t above that of r, percent
 ///   firefly   share of pixels twice as bright as anything in r nearby
@@ -204,7 +205,8 @@ fn false_colour(difference: f32) -> [u8; 3] {
 }
 
 fn table(rows: &[Row<'_>]) -> String {
-    let header = ["file", "rmse", "relmse", "relmse_u", "relmse_t", "bias", "firefly", "nan", "flip"];
+    let header =
+        ["file", "rmse", "relmse", "relmse_u", "relrmse_u", "relmse_t", "bias", "firefly", "nan", "flip"];
     let mut lines = vec![header.map(str::to_owned)];
     lines.extend(rows.iter().map(|Row { test, figures: f, .. }| {
         [
@@ -212,6 +214,7 @@ fn table(rows: &[Row<'_>]) -> String {
             short(f.rmse),
             short(f.relmse),
             f.relmse_u.map_or("-".to_owned(), short),
+            f.relrmse_u.map_or("-".to_owned(), short),
             short(f.relmse_t),
             format!("{:+.3} %", f.bias),
             short(f.firefly),
@@ -283,6 +286,7 @@ mod tests {
             rmse: 1.0,
             relmse: 2.0,
             relmse_u: None,
+            relrmse_u: None,
             relmse_t: 3.0,
             bias: -0.25,
             firefly: 0.0,

@@ -6,7 +6,10 @@ use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
 use cardioid::film::{Developed, LayerSet, PixelRect, ToneCurve, ToneMap};
 use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels};
-use cardioid::render::{RenderRequest, Rendered, Settings, Statistics, Stop, render};
+use cardioid::render::{
+    IntegratorKind, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, Settings,
+    Statistics, Stop, render, render_in_rounds,
+};
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -30,6 +33,14 @@ pub(crate) struct RenderArgs {
     /// Stop after this time, for example 30s, 5m or 1h, and write what is there.
     #[arg(long, value_name = "TIME", value_parser = duration)]
     time_limit: Option<Duration>,
+
+    /// Keep the rounds of `--integrator progressive` in this file, every half minute and at the end, to go on with them.
+    #[arg(long, value_name = "FILE")]
+    checkpoint: Option<PathBuf>,
+
+    /// Go on with the rounds that --checkpoint kept: the same picture as if they had never stopped.
+    #[arg(long, value_name = "FILE")]
+    resume: Option<PathBuf>,
 
     /// Exposure of the PNG in stops, over that of the scene file.
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
@@ -99,10 +110,17 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
-        let rendered = render(&loaded.built.scene, &loaded.built.camera, &request, &console);
+        let (scene, camera) = (&loaded.built.scene, &loaded.built.camera);
+        let in_rounds = request.settings.integrator == IntegratorKind::Progressive;
+        let rendered = if in_rounds || args.checkpoint.is_some() || args.resume.is_some() {
+            render_in_rounds(scene, camera, &request, &console, rounds(args, &loaded))
+        } else {
+            render(scene, camera, &request, &console)
+        };
         console.finish();
         let Rendered { film, mut statistics, stopped } = rendered?;
         statistics.times.scene = seconds_scene;
+        statistics.process = Some(process(start));
         for warning in &statistics.warnings {
             eprintln!("warning: {warning}");
         }
@@ -149,7 +167,12 @@ impl Drop for Loading {
 }
 
 fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
-    let settings = Settings::from(&args.settings.over(&loaded.description.render));
+    let asked = args.settings.over(&loaded.description.render);
+    let mut settings = Settings::from(&asked);
+    if args.time_limit.is_some() && asked.rounds.is_none() {
+        // As many as there is time for.
+        settings.rounds = None;
+    }
     let layers = if args.beauty_only { LayerSet::default() } else { LayerSet::all() };
     RenderRequest {
         width: loaded.size.0,
@@ -158,6 +181,35 @@ fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
         filter: filter_of(loaded.description.film.filter),
         layers: LayerSet { samples: settings.adaptive && !args.beauty_only, ..layers },
         settings,
+    }
+}
+
+/// What is gone on with, and where rounds are kept.
+fn rounds(args: &RenderArgs, loaded: &Loaded) -> Rounds {
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    Rounds {
+        identity: vec![
+            ("scene".to_owned(), loaded.hash.clone()),
+            ("cardioid".to_owned(), version),
+            ("Embree".to_owned(), loaded.device.version().to_string()),
+            ("instructions".to_owned(), instruction_set()),
+        ],
+        resume: args.resume.clone(),
+        checkpoint: args.checkpoint.clone(),
+    }
+}
+
+/// What this process took so far.
+fn process(start: Instant) -> ProcessStatistics {
+    let cpu = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    // Only Linux has such a file.
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kilobytes = peak.and_then(|text| text.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
+    ProcessStatistics {
+        wall: start.elapsed().as_secs_f64(),
+        cpu: cpu.tv_sec as f64 + 1e-9 * cpu.tv_nsec as f64,
+        peak_memory: kilobytes.map(|n| 1024 * n),
     }
 }
 
@@ -186,10 +238,12 @@ impl Outputs {
     /// Every file can be written, and none would take the place of another, or of the scene.
     fn check(&self, args: &RenderArgs) -> Result<()> {
         let pictures = [self.exr.as_deref(), Some(&*self.png)];
-        let files: Vec<&Path> = pictures.into_iter().chain([args.stats.as_deref()]).flatten().collect();
+        let others = [args.stats.as_deref(), args.checkpoint.as_deref()];
+        let files: Vec<&Path> = pictures.into_iter().chain(others).flatten().collect();
         for (i, file) in files.iter().enumerate() {
             image_io::check_writable(file)?;
-            let others = files[..i].iter().copied().chain([args.scene.scene.as_path()]);
+            let kept = args.resume.as_deref().filter(|_| args.checkpoint.as_deref() != Some(file));
+            let others = files[..i].iter().copied().chain([args.scene.scene.as_path()]).chain(kept);
             if let Some(other) = others.into_iter().find(|other| image_io::is_same_file(file, other)) {
                 bail!("{} would overwrite {}; give it another name", file.display(), other.display());
             }
@@ -247,7 +301,7 @@ fn metadata(
     let library = image_io::library_version()
         .map_or_else(String::new, |(major, minor, patch)| format!("{major}.{minor}.{patch}"));
     let rect = developed.rect;
-    Ok(vec![
+    let mut metadata = vec![
         ("cardioid/version".into(), env!("CARGO_PKG_VERSION").into()),
         ("cardioid/scene".into(), statistics.scene.clone().into()),
         ("cardioid/sceneHash".into(), loaded.hash.clone().into()),
@@ -261,7 +315,12 @@ fn metadata(
         ("cardioid/target".into(), instruction_set().into()),
         ("cardioid/window".into(), format!("{},{},{},{}", rect.x0, rect.y0, rect.x1, rect.y1).into()),
         ("cardioid/fullSize".into(), format!("{}x{}", developed.width, developed.height).into()),
-    ])
+    ];
+    if let Some(rounds) = &statistics.rounds {
+        metadata.push(("cardioid/rounds".into(), MetadataValue::Double(rounds.done as f64)));
+        metadata.push(("cardioid/error".into(), json(serde_json::to_string(&rounds.error))?));
+    }
+    Ok(metadata)
 }
 
 /// The architecture, and the widest instructions that Embree finds: hits differ in the last bits between them.
@@ -279,6 +338,33 @@ fn instruction_set() -> String {
         }
     }
     arch.to_owned()
+}
+
+fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool) {
+    let resumed = match rounds.resumed {
+        0 => String::new(),
+        n => format!(", {n} of them from before"),
+    };
+    let early = match (stopped, asked) {
+        (true, Some(asked)) => format!("stopped early: of {asked} rounds "),
+        _ => String::new(),
+    };
+    eprintln!(
+        "{early}{} rounds{resumed}, {} photons, {:.1} s; the same picture again by --rounds {}",
+        rounds.done, rounds.photons_stored, rounds.seconds, rounds.done
+    );
+    match &rounds.error {
+        Some(error) => eprintln!(
+            "relative error about {:.2} %: noise {:.2} %, bias {:.2} %{}",
+            100.0 * error.error,
+            100.0 * error.noise,
+            100.0 * error.bias,
+            rounds
+                .target_error
+                .map_or_else(String::new, |target| format!(" (asked for: {:.2} %)", 100.0 * target))
+        ),
+        None => eprintln!("the relative error is not known after a single round"),
+    }
 }
 
 fn summary(
@@ -342,7 +428,9 @@ fn summary(
         "scene {:.2} s, photons {:.2} s, pixels {:.2} s; {} samples per pixel, mean ray depth {:.2}",
         times.scene, times.photons, times.pixels, statistics.samples, statistics.mean_depth
     );
-    if stopped.is_some() {
+    if let Some(rounds) = &statistics.rounds {
+        summary_of_rounds(rounds, statistics.settings.rounds, stopped.is_some());
+    } else if stopped.is_some() {
         eprintln!(
             "stopped early: {} of {asked} samples per pixel, {} pixels have none",
             statistics.samples, developed.unsampled

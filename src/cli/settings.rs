@@ -162,6 +162,28 @@ pub(crate) struct SettingsArgs {
     /// Paths of which less than this share arrives are evaluated from the maps alone.
     #[arg(long, value_name = "SHARE", value_parser = share)]
     approximate_weight: Option<f32>,
+
+    /// Rounds of `--integrator progressive`; samples and photons are those of each round. As many as there is time for
+    /// where only --time-limit or --target-error is given.
+    #[arg(long, value_name = "N", value_parser = rounds)]
+    rounds: Option<u64>,
+
+    /// Stop when the estimate of the relative error is down to this, for example 0.02; in rounds, which are then the way to
+    /// compute.
+    #[arg(long, value_name = "E", value_parser = target_error)]
+    target_error: Option<f64>,
+}
+
+/// A number of rounds.
+fn rounds(text: &str) -> Result<u64, String> {
+    count(text).and_then(|rounds| if rounds == 0 { Err("must be at least 1".to_owned()) } else { Ok(rounds) })
+}
+
+fn target_error(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(error) if (1e-6..=10.0).contains(&error) => Ok(error),
+        _ => Err("the error is a number from 0.000001 to 10, for example 0.02 for 2 %".to_owned()),
+    }
 }
 
 fn cache_error(text: &str) -> Result<f32, String> {
@@ -265,6 +287,7 @@ impl SettingsArgs {
                 IntegratorArg::PhotonMap => IntegratorKind::PhotonMap,
                 IntegratorArg::Photons => IntegratorKind::Photons,
                 IntegratorArg::Path => IntegratorKind::Path,
+                IntegratorArg::Progressive => IntegratorKind::Progressive,
             }),
             map: self.map.map(|map| match map {
                 MapArg::Global => MapKind::Global,
@@ -322,6 +345,8 @@ impl SettingsArgs {
             cache_samples: self.cache_samples,
             accurate_distance: self.accurate_distance,
             approximate_weight: self.approximate_weight,
+            rounds: self.rounds,
+            target_error: self.target_error,
         }
         .over(scene.clone())
     }
@@ -358,6 +383,8 @@ enum IntegratorArg {
     Photons,
     /// Unbiased path tracing, the reference.
     Path,
+    /// Rounds of photon maps and final gathering, whose error falls as long as they go on.
+    Progressive,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

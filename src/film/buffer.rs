@@ -1,6 +1,8 @@
+mod state;
+
 use super::{AOVS, Aov, LayerSet, PixelRect};
 use crate::math::Rgb;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
@@ -19,6 +21,9 @@ pub struct PixelSample {
     pub object_id: Option<u32>,
     /// Number of the material, below 2^24.
     pub material_id: Option<u32>,
+    /// Estimate of by how much the expectation of the sum of [`Self::radiance`] exceeds the true radiance; zero where none is
+    /// made.
+    pub bias: Rgb,
 }
 
 impl Default for PixelSample {
@@ -31,6 +36,7 @@ impl Default for PixelSample {
             depth: f32::INFINITY,
             object_id: None,
             material_id: None,
+            bias: Rgb::ZERO,
         }
     }
 }
@@ -139,6 +145,7 @@ struct Layout {
     normal: usize,
     /// Sum of distances, then number of samples that have one.
     depth: usize,
+    bias: usize,
     stride: usize,
 }
 
@@ -154,7 +161,8 @@ impl Layout {
         let albedo = place(set.albedo, 3);
         let normal = place(set.normal, 3);
         let depth = place(set.depth, 2);
-        Self { set, aovs, albedo, normal, depth, stride }
+        let bias = place(set.bias, 3);
+        Self { set, aovs, albedo, normal, depth, bias, stride }
     }
 
     /// Name of the first layer in which `sample` has something that must not enter a sum.
@@ -166,6 +174,7 @@ impl Layout {
             .or((self.set.albedo && !sample.albedo.is_finite()).then_some("albedo"))
             .or((self.set.normal && !sample.normal.is_finite()).then_some("normal"))
             .or((self.set.depth && depth_is_bad).then_some("depth"))
+            .or((self.set.bias && !sample.bias.is_finite()).then_some("bias"))
     }
 }
 
@@ -240,6 +249,9 @@ impl Sums {
         }
         if layout.set.normal {
             add(layout.normal, sample.normal);
+        }
+        if layout.set.bias {
+            add(layout.bias, sample.bias);
         }
         if layout.set.depth && sample.depth.is_finite() {
             values[layout.depth] += f64::from(sample.depth);
@@ -377,6 +389,36 @@ impl Film {
         Ok(())
     }
 
+    /// Adds all samples of another film of the same pixels and layers.
+    pub fn add(&mut self, other: &Self) -> Result<(), FilmError> {
+        if (self.width, self.height, self.rect(), self.sums.layout)
+            != (other.width, other.height, other.rect(), other.sums.layout)
+        {
+            return Err(FilmError::Foreign);
+        }
+        self.sums.merge(&other.sums);
+        Ok(())
+    }
+
+    /// The picture and the estimate of its bias at each pixel, row by row: weighted means in `f64`, zero where there is no
+    /// sample or no such layer.
+    pub fn means_and_biases(&self) -> impl Iterator<Item = [DVec3; 2]> + '_ {
+        let Layout { set, aovs, bias, stride, .. } = self.sums.layout;
+        (0..self.sums.counts.len()).map(move |pixel| {
+            let divisor = self.divisor(pixel);
+            let at = |start: usize| DVec3::from_slice(&self.sums.values[pixel * stride + start..][..3]);
+            let parts = AOVS.into_iter().filter(|&aov| set.has(aov)).map(|aov| at(aovs[aov as usize]));
+            let mean = |sum: DVec3| divisor.map_or(DVec3::ZERO, |divisor| sum / divisor);
+            [mean(parts.sum()), if set.bias { mean(at(bias)) } else { DVec3::ZERO }]
+        })
+    }
+
+    /// What the sums of a pixel are divided by; `None` where it has no sample.
+    fn divisor(&self, pixel: usize) -> Option<f64> {
+        let (count, weight) = (self.sums.counts[pixel] as f64, self.sums.weights[pixel]);
+        (count > 0.0).then_some(if weight.abs() >= 0.5 * count { weight } else { count })
+    }
+
     /// What was left out so far.
     pub fn rejections(&self) -> Rejections {
         self.sums.rejections
@@ -389,7 +431,7 @@ impl Film {
 
     /// The means of all samples added so far.
     pub fn develop(&self) -> Developed {
-        let Layout { set, aovs, albedo, normal, .. } = self.sums.layout;
+        let Layout { set, aovs, albedo, normal, bias, .. } = self.sums.layout;
         let rgb: &[&str] = &["R", "G", "B"];
         let mut layers: Vec<Layer> = AOVS
             .into_iter()
@@ -408,6 +450,7 @@ impl Film {
         push(set.object_id, "object", &["id"], &|| ids(&self.sums.objects));
         push(set.material_id, "material", &["id"], &|| ids(&self.sums.materials));
         push(set.samples, "samples", &["n"], &|| self.sums.counts.iter().map(|&n| n as f32).collect());
+        push(set.bias, "bias", rgb, &|| self.means(bias));
         Developed {
             width: self.width,
             height: self.height,
@@ -422,12 +465,10 @@ impl Film {
 
     /// Means of the three sums from `start` on, per pixel; zero where there is no sample.
     fn means(&self, start: usize) -> Vec<f32> {
-        let Sums { counts, weights, values, layout, .. } = &self.sums;
+        let Sums { counts, values, layout, .. } = &self.sums;
         let mut means = vec![0f32; 3 * counts.len()];
         means.par_chunks_mut(3).enumerate().for_each(|(pixel, mean)| {
-            let (count, weight) = (counts[pixel] as f64, weights[pixel]);
-            let divisor = if weight.abs() >= 0.5 * count { weight } else { count };
-            if count > 0.0 {
+            if let Some(divisor) = self.divisor(pixel) {
                 let sums = &values[pixel * layout.stride + start..][..3];
                 mean.iter_mut().zip(sums).for_each(|(mean, sum)| *mean = to_f32(sum / divisor));
             }

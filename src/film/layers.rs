@@ -50,6 +50,8 @@ pub struct LayerSet {
     pub material_id: bool,
     /// Count of samples.
     pub samples: bool,
+    /// Estimate of the bias, where the integrator makes one.
+    pub bias: bool,
 }
 
 impl Default for LayerSet {
@@ -63,13 +65,14 @@ impl Default for LayerSet {
             object_id: false,
             material_id: false,
             samples: false,
+            bias: false,
         }
     }
 }
 
 impl LayerSet {
-    /// Everything that the first surface tells. Without the count of samples, which is the same everywhere unless they are
-    /// shared out by variance.
+    /// Everything that every integrator has. Without the count of samples, which is the same everywhere unless they are shared
+    /// out by variance.
     pub fn all() -> Self {
         Self {
             aovs: [true; 5],
@@ -79,6 +82,7 @@ impl LayerSet {
             object_id: true,
             material_id: true,
             samples: false,
+            bias: false,
         }
     }
 

@@ -14,13 +14,13 @@ pub use direct::{DirectLighting, Reflected, ShadowCounters};
 pub use directions::Directions;
 pub use path::PathTracer;
 pub use photon_map::{
-    CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons,
-    visible_domain,
+    CachePass, CacheRequest, Narrowing, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses,
+    ShowPhotons, visible_domain,
 };
 pub use receiver::{Irradiance, Receiver};
 
 use crate::film::PixelSample;
-use crate::math::Ray;
+use crate::math::{Ray, Rgb};
 use crate::photons::Scratch as PhotonScratch;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
@@ -44,12 +44,15 @@ pub struct Scratch {
     pub shadows: Vec<ShadowCounters>,
     /// Estimates that the camera samples of one pixel share.
     remembered: photon_map::Remembered,
+    /// By how much the light of the surface that was shaded last is expected to be off.
+    bias: Rgb,
     /// Specular branches that wait for their turn.
     branches: Vec<specular::Branch>,
 }
 
 /// What rendering counted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(default)]
 pub struct Counters {
     /// Rays from the camera.
     pub camera_rays: u64,
@@ -107,6 +110,8 @@ pub struct Counters {
     pub accurate_close: u64,
     /// Accurate evaluations behind a diffuse reflection because photons are too few: recursive sampling.
     pub accurate_poor: u64,
+    /// Accurate evaluations behind a diffuse reflection because a progressive round drew that by chance.
+    pub accurate_drawn: u64,
     /// Approximate evaluations: behind a diffuse reflection.
     pub approximate_diffuse: u64,
     /// Approximate evaluations because the path carries little.
@@ -145,6 +150,7 @@ impl AddAssign for Counters {
         self.accurate_seen += other.accurate_seen;
         self.accurate_close += other.accurate_close;
         self.accurate_poor += other.accurate_poor;
+        self.accurate_drawn += other.accurate_drawn;
         self.approximate_diffuse += other.approximate_diffuse;
         self.approximate_weight += other.approximate_weight;
         self.approximate_poor += other.approximate_poor;

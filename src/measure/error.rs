@@ -99,6 +99,10 @@ pub struct ErrorFigures {
     /// independently. The one to quote. May be negative for a picture as good as the reference. `None` where
     /// there are no halves.
     pub relmse_u: Option<f64>,
+    /// `sqrt(mean((t - r1) (t - r2) / (r^2 + f)))` with f a hundredth of the square of the reference's mean, which knows no
+    /// unit of light: the error that progressive rendering estimates. Zero where the mean is negative; `None` where there are no
+    /// halves.
+    pub relrmse_u: Option<f64>,
     /// `relmse` without the 0.1 % of pixels, rounded up, whose mean over the channels is largest; NaN for
     /// a single pixel.
     pub relmse_t: f64,
@@ -159,6 +163,9 @@ impl Reference {
     /// All error figures of `test`.
     pub fn compare(&self, test: Picture<'_>) -> Result<ErrorFigures, MeasureError> {
         self.check_size(test)?;
+        // Something above zero also where the reference is black.
+        let mean = self.mean.iter().map(|&v| f64::from(v).abs()).sum::<f64>() / self.mean.len() as f64;
+        let floor = (FLOOR * mean * mean).max(f64::MIN_POSITIVE);
         let mut sums = Sums::default();
         let mut errors = Vec::with_capacity(self.brightest.len());
         for (pixel, (t, r)) in test.pixels().zip(self.picture().pixels()).enumerate() {
@@ -167,7 +174,7 @@ impl Reference {
                 continue;
             }
             let halves = self.halves.as_ref().map(|h| h.each_ref().map(|h| Rgb::from_slice(&h[3 * pixel..])));
-            errors.push(sums.add(t, r, halves));
+            errors.push(sums.add(t, r, halves, floor));
             // In f64: twice the largest f32 is not an f32.
             let limit = 2.0 * f64::from(self.brightest[pixel]) + 1.0;
             sums.fireflies += u64::from(f64::from(luminance(t)) > limit);
@@ -204,6 +211,7 @@ struct Sums {
     squared: f64,
     relative: f64,
     unbiased: f64,
+    unitless: f64,
     luminance_test: f64,
     luminance_reference: f64,
     fireflies: u64,
@@ -212,7 +220,7 @@ struct Sums {
 
 impl Sums {
     /// Adds a pixel and returns its relative squared error, mean over the channels.
-    fn add(&mut self, t: Rgb, r: Rgb, halves: Option<[Rgb; 2]>) -> f64 {
+    fn add(&mut self, t: Rgb, r: Rgb, halves: Option<[Rgb; 2]>, floor: f64) -> f64 {
         let (t, r) = (t.as_dvec3(), r.as_dvec3());
         let squared = (t - r) * (t - r);
         let scale = (r * r + FLOOR).recip();
@@ -221,7 +229,9 @@ impl Sums {
         self.squared += squared.element_sum();
         self.relative += relative;
         if let Some([r1, r2]) = halves {
-            self.unbiased += ((t - r1.as_dvec3()) * (t - r2.as_dvec3()) * scale).element_sum();
+            let product = (t - r1.as_dvec3()) * (t - r2.as_dvec3());
+            self.unbiased += (product * scale).element_sum();
+            self.unitless += (product / (r * r + floor)).element_sum();
         }
         let weights = glam::DVec3::new(0.2126, 0.7152, 0.0722);
         self.luminance_test += t.dot(weights);
@@ -236,6 +246,7 @@ impl Sums {
             rmse: (self.squared / values).sqrt(),
             relmse: self.relative / values,
             relmse_u: has_halves.then(|| self.unbiased / values),
+            relrmse_u: has_halves.then(|| (self.unitless / values).max(0.0).sqrt()),
             relmse_t,
             bias: 100.0 * (self.luminance_test - self.luminance_reference) / self.luminance_reference,
             firefly: self.fireflies as f64 / self.pixels as f64,

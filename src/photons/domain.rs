@@ -107,6 +107,13 @@ impl KernelDomain {
         Some(domain)
     }
 
+    /// The domain of a smaller disc around the same point, from the same feelers.
+    #[must_use]
+    pub fn narrowed(&self, radius: f32) -> Self {
+        let length = STRETCH * radius;
+        Self { frame: self.frame, radius, reach: self.reach.map(|reach| reach.min(length)) }
+    }
+
     /// How far one can go from the centre in every direction that was felt.
     pub fn least_reach(&self) -> f32 {
         self.reach.iter().copied().fold(f32::INFINITY, f32::min)

@@ -24,7 +24,13 @@ pub struct Estimate {
     pub radius: f32,
     /// Whether differential checking left out photons that were found.
     pub at_edge: bool,
+    /// The same estimate over the disc of [`NARROWER`] of the radius, from the same photons, where [`Query::narrower`] asks
+    /// for it; else [`Self::value`]. What both differ by tells the bias.
+    pub narrower: Rgb,
 }
+
+/// Radius of the second estimate over that of the first: half of the area.
+pub const NARROWER: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 /// Photons within the least radius that count; where there are more, the radius shrinks to these, down to
 /// [`FINEST`] of the least. It bounds the time of a look-up in a point focus.
@@ -152,33 +158,80 @@ impl PhotonMap {
                 at_edge = true;
             }
         }
-        if photons == 0 {
-            return Estimate { value: Rgb::ZERO, photons: 0, radius, at_edge };
+        let is_part = query.radius_share < 1.0 && radius > least_radius;
+        if is_part {
+            radius = (radius * query.radius_share.max(0.0)).max(least_radius);
         }
-        let per_radius_squared = 1.0 / (radius * radius);
-        let domain = domain(radius);
-        let mut sum = DVec3::ZERO;
+        if photons == 0 {
+            return Estimate { value: Rgb::ZERO, photons: 0, radius, at_edge, narrower: Rgb::ZERO };
+        }
+        let nothing = Estimate { value: Rgb::ZERO, photons: 0, radius, at_edge, narrower: Rgb::ZERO };
+        let is_cut = at_edge || is_part;
+        let is_inside = |distance_squared: f32| !is_cut || distance_squared <= radius * radius;
+        if is_part && !found.iter().take(photons).any(|(_, distance_squared)| is_inside(distance_squared)) {
+            return nothing;
+        }
+        let wide = Disc { radius, domain: domain(radius) };
+        let narrow = query.narrower.then(|| wide.narrowed());
+        let (mut sum, mut narrow_sum) = (DVec3::ZERO, DVec3::ZERO);
         let mut counted = 0;
         for (index, distance_squared) in found.iter().take(photons) {
-            if at_edge && distance_squared > radius * radius {
-                continue;
-            }
-            if domain.as_ref().is_some_and(|domain| !domain.contains(self.position(index) - query.position)) {
+            let offset = || self.position(index) - query.position;
+            if !is_inside(distance_squared) || !wide.contains(offset) {
                 continue;
             }
             counted += 1;
-            let weight = params.kernel.weight((distance_squared * per_radius_squared).min(1.0));
-            sum += (contribution(index) * weight).as_dvec3();
+            let brought = contribution(index);
+            sum += (brought * wide.weight(params.kernel, distance_squared)).as_dvec3();
+            if let Some(narrow) = &narrow
+                && distance_squared <= narrow.radius * narrow.radius
+                && narrow.contains(offset)
+            {
+                narrow_sum += (brought * narrow.weight(params.kernel, distance_squared)).as_dvec3();
+            }
         }
-        let area = PI * f64::from(radius) * f64::from(radius);
-        let mean_weight = match &domain {
-            Some(domain) => domain.mean_weight(params.kernel),
-            None => params.kernel.mean_weight(),
+        let density = |sum: DVec3, disc: &Disc| {
+            let scale = self.per_emitted() / disc.weighted_area(params.kernel);
+            // Flux of 1e30 W at one point exceeds what f32 can hold.
+            (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
         };
-        let scale = self.per_emitted() / (f64::from(mean_weight) * area);
-        // Flux of 1e30 W at one point exceeds what f32 can hold.
-        let value = (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3();
-        Estimate { value, photons: counted, radius, at_edge }
+        let value = density(sum, &wide);
+        let narrower = narrow.map_or(value, |narrow| density(narrow_sum, &narrow));
+        Estimate { value, photons: counted, narrower, ..nothing }
+    }
+}
+
+/// What an estimate is made over.
+struct Disc {
+    radius: f32,
+    /// The part that can be seen from the centre, where that is not the whole.
+    domain: Option<KernelDomain>,
+}
+
+impl Disc {
+    /// That of [`NARROWER`].
+    fn narrowed(&self) -> Self {
+        let radius = NARROWER * self.radius;
+        Self { radius, domain: self.domain.as_ref().map(|domain| domain.narrowed(radius)) }
+    }
+
+    /// Whether what is `offset` from the centre can be seen from it.
+    fn contains(&self, offset: impl FnOnce() -> Vec3) -> bool {
+        self.domain.as_ref().is_none_or(|domain| domain.contains(offset()))
+    }
+
+    fn weight(&self, kernel: Kernel, distance_squared: f32) -> f32 {
+        let per_radius_squared = 1.0 / (self.radius * self.radius);
+        kernel.weight((distance_squared * per_radius_squared).min(1.0))
+    }
+
+    /// Integral of the kernel over the disc.
+    fn weighted_area(&self, kernel: Kernel) -> f64 {
+        let mean_weight = match &self.domain {
+            Some(domain) => domain.mean_weight(kernel),
+            None => kernel.mean_weight(),
+        };
+        f64::from(mean_weight) * (PI * f64::from(self.radius) * f64::from(self.radius))
     }
 }
 

@@ -63,6 +63,11 @@ pub struct Query {
     /// Whether estimates take fewer photons than [`Self::k`] where more of them change the value in one direction only:
     /// the differential checking of Jensen & Christensen 1995, section 3.3. Searches do not look at it.
     pub differential_check: bool,
+    /// Estimates use this share of the radius that would be theirs, and the photons within it; in (0, 1]. Searches do not
+    /// look at it.
+    pub radius_share: f32,
+    /// Whether estimates are made over a narrower disc as well ([`super::NARROWER`]). Searches do not look at it.
+    pub narrower: bool,
 }
 
 impl Query {
@@ -77,6 +82,8 @@ impl Query {
             min_normal_cos: MIN_NORMAL_COS,
             classes: PhotonClasses::LIGHT,
             differential_check: false,
+            radius_share: 1.0,
+            narrower: false,
         }
     }
 

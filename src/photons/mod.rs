@@ -24,7 +24,7 @@ mod trace;
 
 pub use domain::{FEELERS, KernelDomain};
 pub use emission::{EmittedPhoton, Emitter};
-pub use estimate::{Estimate, EstimateParams};
+pub use estimate::{Estimate, EstimateParams, NARROWER};
 pub use guide::{DirectionGuide, GuideLobe, GuideParams};
 pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_deposits};
 pub use irradiance::IrradianceMap;

@@ -5,13 +5,14 @@ use super::maps::{PassOne, build_maps_seen, is_worth_a_warning};
 use super::memory::MemoryError;
 use super::observer::Observer;
 use super::pretrace::finest_distances;
+use super::progressive::{CheckpointError, Rounds};
 use super::settings::{Settings, Show};
 use super::stats::{AdaptiveStatistics, CacheStatistics, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
 use crate::integrators::{
-    CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, Scratch, ShadowCounters,
-    ShowClasses, ShowPhotons,
+    CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps,
+    Scratch, ShadowCounters, ShowClasses, ShowPhotons,
 };
 use crate::math::Rgb;
 use crate::sampling::SampleStream;
@@ -73,6 +74,14 @@ pub enum RenderError {
     /// No samples.
     #[error("0 samples per pixel give no picture; --spp must be at least 1")]
     NoSamples,
+    /// An error to reach, and a way to compute that cannot tell its error.
+    #[error(
+        "only --integrator progressive knows its error while it renders: choose it, or leave --target-error out"
+    )]
+    TargetWithoutRounds,
+    /// A render that cannot be gone on with.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
 }
 
 /// Pixels on a side of a tile.
@@ -98,9 +107,20 @@ pub fn render(
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
     }
+    if settings.integrator == IntegratorKind::Progressive {
+        return super::progressive::render_in_rounds(
+            scene,
+            camera,
+            request,
+            observer,
+            Rounds::keeping_nothing(),
+        );
+    }
+    if settings.target_error.is_some() {
+        return Err(RenderError::TargetWithoutRounds);
+    }
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
-    let sampler = request.filter.sampler()?;
     let finest = if settings.illumination_maps && scene.has_illumination_maps() {
         finest_distances(scene, camera, (request.width, request.height))
     } else {
@@ -111,69 +131,161 @@ pub fn render(
         let statistics = statistics(scene, settings, plan, pass_one);
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     }
-    let mut start = Instant::now();
-    let mut seconds_cache = 0.0;
-    let mut cache = None;
-    let medium = scene.medium_at(camera.eye());
-    let reading = settings.photon_map_settings(scene);
-    let integrator: Box<dyn Integrator + '_> = match settings.integrator {
-        IntegratorKind::PhotonMap => {
-            let mut integrator = PhotonMapIntegrator::new(scene, &pass_one.maps, &plan, reading, medium);
-            if plan.irradiance_cache.build {
-                cache = fill_cache(&mut integrator, camera, request, observer);
-                if cache.is_none() {
-                    let statistics = statistics(scene, settings, plan, pass_one);
-                    return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
-                }
-                seconds_cache = start.elapsed().as_secs_f64();
-                start = Instant::now();
-            }
-            Box::new(integrator)
-        }
-        IntegratorKind::Photons if settings.show == Show::Classes => {
-            Box::new(ShowClasses::new(scene, &pass_one.maps, settings.map, reading, medium))
-        }
-        IntegratorKind::Photons => {
-            Box::new(ShowPhotons::new(scene, &pass_one.maps, settings.map, reading, medium))
-        }
-        IntegratorKind::Path => {
-            let guide = pass_one.maps.guide.as_ref();
-            Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
-        }
+    let most = if settings.adaptive { most_samples(settings.spp) } else { settings.spp };
+    let pass_two = PassTwo {
+        scene,
+        camera,
+        request,
+        settings,
+        plan: &plan,
+        maps: &pass_one.maps,
+        reading: settings.photon_map_settings(scene),
+        samples: CameraSamples { seed: settings.seed, first: 0, most },
+        observer,
     };
-    let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
-    let PixelsDone { counters, shadows, finished, adaptive } = match settings.adaptive {
-        true => pixels.run_adaptive(&mut film)?,
-        false => pixels.run(&mut film)?,
+    let Some(taken) = pass_two.run(&mut film)? else {
+        let statistics = statistics(scene, settings, plan, pass_one);
+        return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     };
-    drop(integrator);
+    let finished = taken.finished;
     let mut statistics = statistics(scene, settings, plan, pass_one);
-    statistics.times.pixels = start.elapsed().as_secs_f64();
-    statistics.mean_depth = counters.depth_sum as f64 / counters.camera_rays.max(1) as f64;
-    statistics.times.cache = seconds_cache;
-    let filling = cache.map(|cache| cache.counters).unwrap_or_default();
-    let segments = counters.gather_path_segments + filling.gather_path_segments;
-    statistics.mean_path_depth =
-        segments as f64 / (counters.gather_paths + filling.gather_paths).max(1) as f64;
-    statistics.cache = cache;
-    statistics.adaptive = adaptive;
-    statistics.counters = counters;
-    for (light, decisions) in statistics.shadows.iter_mut().zip(shadows) {
-        let rays = decisions.rays_saved + decisions.rays_traced;
-        light.decisions = decisions;
-        if light.rays > 0 && decisions.rays_traced > 0 && decisions.rays_saved == 0 {
-            statistics.warnings.push(format!(
-                "the photons of light {} saved no shadow ray: too few are near one another (raise --shadow-photon-rays), \
-                 or it is nowhere seen whole or hidden whole",
-                light.light
-            ));
-        }
-        light.rays_saved_percent = 100.0 * decisions.rays_saved as f64 / rays.max(1) as f64;
-    }
-    statistics.samples = film.sample_count() / film.rect().area().max(1) as u64;
-    statistics.rejected_samples = film.rejections().samples;
-    warn(&mut statistics, scene);
+    statistics.take(taken);
+    statistics.complete(&film, scene);
     Ok(Rendered { film, statistics, stopped: (!finished).then_some(Stop::DuringPixels) })
+}
+
+/// Random numbers of camera samples: those of a seed, from some number on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct CameraSamples {
+    pub(super) seed: u64,
+    pub(super) first: u32,
+    /// Samples of a pixel in all, at most; or about that: more than these repeat the points of pixels nearby.
+    pub(super) most: u32,
+}
+
+/// Pass 2: the irradiance cache, where there is one, and pixels.
+pub(super) struct PassTwo<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) camera: &'a Camera,
+    pub(super) request: &'a RenderRequest,
+    /// Those of the request, but for the seed of the cache.
+    pub(super) settings: &'a Settings,
+    pub(super) plan: &'a RenderPlan,
+    pub(super) maps: &'a PhotonMaps,
+    pub(super) reading: PhotonMapSettings,
+    pub(super) samples: CameraSamples,
+    pub(super) observer: &'a dyn Observer,
+}
+
+/// What pass 2 took.
+#[derive(Debug)]
+pub(super) struct PassTwoReport {
+    pub(super) counters: Counters,
+    pub(super) shadows: Vec<ShadowCounters>,
+    pub(super) cache: Option<CacheStatistics>,
+    pub(super) adaptive: Option<AdaptiveStatistics>,
+    pub(super) seconds_cache: f64,
+    pub(super) seconds_pixels: f64,
+    /// Whether all samples were taken.
+    pub(super) finished: bool,
+}
+
+impl PassTwo<'_> {
+    /// `None` where it was stopped before the first pixel.
+    pub(super) fn run(&self, film: &mut Film) -> Result<Option<PassTwoReport>, RenderError> {
+        let Self { scene, settings, plan, maps, reading, observer, .. } = *self;
+        let sampler = self.request.filter.sampler()?;
+        let mut start = Instant::now();
+        let mut seconds_cache = 0.0;
+        let mut cache = None;
+        let medium = scene.medium_at(self.camera.eye());
+        let integrator: Box<dyn Integrator + '_> = match settings.integrator {
+            IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
+                let mut integrator = PhotonMapIntegrator::new(scene, maps, plan, reading, medium);
+                if plan.irradiance_cache.build {
+                    cache = fill_cache(&mut integrator, self.camera, self.request, settings, observer);
+                    if cache.is_none() {
+                        return Ok(None);
+                    }
+                    seconds_cache = start.elapsed().as_secs_f64();
+                    start = Instant::now();
+                }
+                Box::new(integrator)
+            }
+            IntegratorKind::Photons if settings.show == Show::Classes => {
+                Box::new(ShowClasses::new(scene, maps, settings.map, reading, medium))
+            }
+            IntegratorKind::Photons => Box::new(ShowPhotons::new(scene, maps, settings.map, reading, medium)),
+            IntegratorKind::Path => {
+                let guide = maps.guide.as_ref();
+                Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
+            }
+        };
+        let pixels = PixelPass {
+            camera: self.camera,
+            request: self.request,
+            sampler: &sampler,
+            integrator: &*integrator,
+            scene,
+            samples: self.samples,
+            observer,
+        };
+        let PixelsDone { counters, shadows, finished, adaptive } =
+            if settings.adaptive { pixels.run_adaptive(film)? } else { pixels.run(film)? };
+        let seconds_pixels = start.elapsed().as_secs_f64();
+        Ok(Some(PassTwoReport {
+            counters,
+            shadows,
+            cache,
+            adaptive,
+            seconds_cache,
+            seconds_pixels,
+            finished,
+        }))
+    }
+}
+
+impl Statistics {
+    /// Adds what pass 2 counted.
+    pub(super) fn take(&mut self, taken: PassTwoReport) {
+        self.times.pixels += taken.seconds_pixels;
+        self.times.cache += taken.seconds_cache;
+        self.counters += taken.counters;
+        if let Some(cache) = taken.cache {
+            let sum = self.cache.get_or_insert_default();
+            sum.records += cache.records;
+            sum.rejected += cache.rejected;
+            sum.counters += cache.counters;
+        }
+        self.adaptive = taken.adaptive.or(self.adaptive);
+        for (light, decisions) in self.shadows.iter_mut().zip(taken.shadows) {
+            light.decisions += decisions;
+        }
+    }
+
+    /// What follows from all that was counted.
+    pub(super) fn complete(&mut self, film: &Film, scene: &Scene) {
+        let counters = &self.counters;
+        self.mean_depth = counters.depth_sum as f64 / counters.camera_rays.max(1) as f64;
+        let filling = self.cache.map(|cache| cache.counters).unwrap_or_default();
+        let segments = counters.gather_path_segments + filling.gather_path_segments;
+        self.mean_path_depth = segments as f64 / (counters.gather_paths + filling.gather_paths).max(1) as f64;
+        for light in &mut self.shadows {
+            let decisions = light.decisions;
+            let rays = decisions.rays_saved + decisions.rays_traced;
+            if light.rays > 0 && decisions.rays_traced > 0 && decisions.rays_saved == 0 {
+                self.warnings.push(format!(
+                    "the photons of light {} saved no shadow ray: too few are near one another (raise \
+                     --shadow-photon-rays), or it is nowhere seen whole or hidden whole",
+                    light.light
+                ));
+            }
+            light.rays_saved_percent = 100.0 * decisions.rays_saved as f64 / rays.max(1) as f64;
+        }
+        self.samples = film.sample_count() / film.rect().area().max(1) as u64;
+        self.rejected_samples = film.rejections().samples;
+        warn(self, scene);
+    }
 }
 
 /// Fills the irradiance cache for the whole picture, whatever part of it is rendered. `None` where it was stopped.
@@ -181,9 +293,10 @@ fn fill_cache(
     integrator: &mut PhotonMapIntegrator<'_>,
     camera: &Camera,
     request: &RenderRequest,
+    settings: &Settings,
     observer: &dyn Observer,
 ) -> Option<CacheStatistics> {
-    let RenderRequest { width, height, settings, .. } = request;
+    let RenderRequest { width, height, .. } = request;
     observer.begin("filling the irradiance cache", u64::from(*width) * u64::from(*height));
     let filling = CacheRequest {
         camera,
@@ -201,7 +314,12 @@ fn fill_cache(
     Some(CacheStatistics { records: pass.records, rejected: pass.rejected, counters: pass.counters })
 }
 
-fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: PassOne) -> Statistics {
+pub(super) fn statistics(
+    scene: &Scene,
+    settings: &Settings,
+    plan: RenderPlan,
+    pass_one: PassOne,
+) -> Statistics {
     Statistics {
         schema: 1,
         scene: scene.name().to_owned(),
@@ -222,6 +340,8 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         mean_depth: 0.0,
         mean_path_depth: 0.0,
         rejected_samples: 0,
+        rounds: None,
+        process: None,
         warnings: pass_one.warnings,
     }
 }
@@ -265,6 +385,7 @@ struct PixelPass<'a> {
     sampler: &'a FilterSampler,
     integrator: &'a dyn Integrator,
     scene: &'a Scene,
+    samples: CameraSamples,
     observer: &'a dyn Observer,
 }
 
@@ -382,8 +503,7 @@ impl PixelPass<'_> {
         scratch: &mut Scratch,
     ) {
         let (width, height) = (self.request.width, self.request.height);
-        let Settings { seed, spp, adaptive, .. } = self.request.settings;
-        let most = if adaptive { most_samples(spp) } else { spp };
+        let CameraSamples { seed, first, most } = self.samples;
         let size = Vec2::new(width as f32, height as f32);
         // Back from render space; a power of two, so nothing is rounded.
         let scale = 1.0 / self.scene.space().power;
@@ -392,13 +512,14 @@ impl PixelPass<'_> {
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let mut moments = Moments::default();
             for index in samples(x, y) {
-                let mut stream = SampleStream::of_pixel(seed, (x, y), index, most);
+                let mut stream = SampleStream::of_pixel(seed, (x, y), first.wrapping_add(index), most);
                 let filtered = self.sampler.sample(stream.next_2d());
                 let ray = self.camera.ray((center + filtered.offset) / size);
                 let mut sample = self.integrator.li(ray, &mut stream, scratch);
                 for aov in AOVS {
                     sample.radiance[aov as usize] = to_world(sample.radiance[aov as usize], scale);
                 }
+                sample.bias = to_world(sample.bias, scale);
                 if wants_moments {
                     let sum: DVec3 = sample.radiance.iter().map(|radiance| radiance.as_dvec3()).sum();
                     moments.add(sum.dot(LUMINANCE));
@@ -456,7 +577,8 @@ fn to_world(radiance: Rgb, scale: f64) -> Rgb {
     if !radiance.is_finite() {
         return radiance;
     }
-    (radiance.as_dvec3() * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
+    let most = DVec3::splat(f64::from(f32::MAX));
+    (radiance.as_dvec3() * scale).clamp(-most, most).as_vec3()
 }
 
 #[cfg(test)]

@@ -83,6 +83,7 @@ impl Settings {
             max_depth: self.max_depth,
             accurate_distance: self.accurate_distance * scene_radius,
             approximate_weight: self.approximate_weight,
+            narrowing: None,
         }
     }
 }
@@ -94,7 +95,7 @@ impl Settings {
         GuideParams {
             classes: match self.integrator {
                 // Caustics come from their own map.
-                IntegratorKind::PhotonMap | IntegratorKind::Photons => {
+                IntegratorKind::PhotonMap | IntegratorKind::Progressive | IntegratorKind::Photons => {
                     PhotonClasses::only(PhotonClass::Indirect)
                 }
                 IntegratorKind::Path => {
@@ -158,7 +159,9 @@ fn build_shadows(scene: &Scene, settings: &Settings, observer: &dyn Observer, pa
     // Photons themselves are kept where they are to be shown.
     let mode = match settings.integrator {
         IntegratorKind::Photons => ShadowMode::Off,
-        IntegratorKind::PhotonMap | IntegratorKind::Path => settings.shadow_photons,
+        IntegratorKind::PhotonMap | IntegratorKind::Progressive | IntegratorKind::Path => {
+            settings.shadow_photons
+        }
     };
     let max_radius = settings.photon_map_settings(scene).max_radius;
     let maps = build_shadow_maps(scene, mode, rays, settings.seed, max_radius);

@@ -7,6 +7,7 @@ mod memory;
 mod observer;
 mod pretrace;
 mod probe;
+mod progressive;
 mod settings;
 mod stats;
 
@@ -17,8 +18,11 @@ pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
 pub use pretrace::finest_distances;
 pub use probe::{ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe};
+pub use progressive::{
+    Checkpoint, CheckpointError, ErrorEstimate, RoundStatistics, Rounds, error_of_halves, render_in_rounds,
+};
 pub use settings::*;
 pub use stats::{
     AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, PhotonStatistics,
-    ShadowStatistics, Statistics, Times,
+    ProcessStatistics, ShadowStatistics, Statistics, Times,
 };

@@ -103,6 +103,10 @@ pub struct Overrides {
     pub accurate_distance: Option<f32>,
     /// Paths of which less than this share arrives are evaluated from the maps alone.
     pub approximate_weight: Option<f32>,
+    /// Rounds of [`IntegratorKind::Progressive`].
+    pub rounds: Option<u64>,
+    /// Relative error at which [`IntegratorKind::Progressive`] ends, which it is asked for by this where nothing else is.
+    pub target_error: Option<f64>,
 }
 
 impl Overrides {
@@ -149,6 +153,8 @@ impl Overrides {
             cache_samples: self.cache_samples.or(below.cache_samples),
             accurate_distance: self.accurate_distance.or(below.accurate_distance),
             approximate_weight: self.approximate_weight.or(below.approximate_weight),
+            rounds: self.rounds.or(below.rounds),
+            target_error: self.target_error.or(below.target_error),
         }
     }
 }
@@ -227,6 +233,11 @@ pub struct Settings {
     pub accurate_distance: f32,
     /// Paths of which less than this share arrives are evaluated from the maps alone.
     pub approximate_weight: f32,
+    /// Rounds of [`IntegratorKind::Progressive`], where camera samples and photons are those of each round; `None` for as
+    /// many as it takes, or there is time for.
+    pub rounds: Option<u64>,
+    /// Relative error at which [`IntegratorKind::Progressive`] ends.
+    pub target_error: Option<f64>,
 }
 
 impl Settings {
@@ -292,13 +303,42 @@ impl Quality {
             adaptive: false,
             accurate_distance: 0.02,
             approximate_weight: 0.01,
+            rounds: None,
+            target_error: None,
+        }
+    }
+
+    /// The settings of this preset in rounds: it says how many, and each is the same.
+    pub fn progressive_settings(self) -> Settings {
+        let rounds = match self {
+            Self::Draft => 4,
+            Self::Preview => 16,
+            Self::Final => 128,
+            Self::Reference => 2048,
+        };
+        Settings {
+            integrator: IntegratorKind::Progressive,
+            spp: 4,
+            gather_samples: 4,
+            global_photons: 50_000,
+            caustic_photons: 200_000,
+            caustic_nearest: 60,
+            // It would keep its error however many rounds there are.
+            irradiance_cache: false,
+            rounds: Some(rounds),
+            ..self.settings()
         }
     }
 }
 
 impl From<&Overrides> for Settings {
     fn from(asked: &Overrides) -> Self {
-        let preset = asked.quality.unwrap_or(Quality::Preview).settings();
+        let quality = asked.quality.unwrap_or(Quality::Preview);
+        let by_error = asked.integrator.is_none() && asked.target_error.is_some();
+        let preset = match asked.integrator == Some(IntegratorKind::Progressive) || by_error {
+            true => quality.progressive_settings(),
+            false => quality.settings(),
+        };
         Self {
             quality: preset.quality,
             integrator: asked.integrator.unwrap_or(preset.integrator),
@@ -338,6 +378,9 @@ impl From<&Overrides> for Settings {
             cache_samples: asked.cache_samples.unwrap_or(preset.cache_samples),
             accurate_distance: asked.accurate_distance.unwrap_or(preset.accurate_distance),
             approximate_weight: asked.approximate_weight.unwrap_or(preset.approximate_weight),
+            // A target says by itself when to end.
+            rounds: asked.rounds.or(preset.rounds.filter(|_| asked.target_error.is_none())),
+            target_error: asked.target_error,
         }
     }
 }

@@ -1,3 +1,4 @@
+use super::progressive::RoundStatistics;
 use crate::integrators::{Counters, ShadowCounters};
 use crate::scene::{MapKind, RenderPlan};
 use serde::Serialize;
@@ -89,7 +90,7 @@ pub struct AdaptiveStatistics {
 }
 
 /// The irradiance cache.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct CacheStatistics {
     /// Records.
     pub records: u64,
@@ -125,6 +126,17 @@ pub struct ShadowStatistics {
     pub decisions: ShadowCounters,
     /// Shadow rays saved of those that full shadow rays would have needed, percent.
     pub rays_saved_percent: f64,
+}
+
+/// What a process took of the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ProcessStatistics {
+    /// Seconds on the clock since it started.
+    pub wall: f64,
+    /// Seconds of the processor, all threads.
+    pub cpu: f64,
+    /// Most memory that it held at a time, bytes; `None` where the system does not tell.
+    pub peak_memory: Option<u64>,
 }
 
 /// Everything that `--stats` writes.
@@ -169,6 +181,12 @@ pub struct Statistics {
     pub mean_path_depth: f64,
     /// Samples that were not finite and were left out.
     pub rejected_samples: u64,
+    /// Rounds, where the picture was rendered in rounds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rounds: Option<RoundStatistics>,
+    /// What the process took, where it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub process: Option<ProcessStatistics>,
     /// Warnings.
     pub warnings: Vec<String>,
 }

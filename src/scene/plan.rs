@@ -16,6 +16,8 @@ pub enum IntegratorKind {
     Photons,
     /// Unbiased path tracing, the reference.
     Path,
+    /// Rounds of the two passes with maps of their own, of which ever less that is biased is read (Knaus & Zwicker 2011).
+    Progressive,
 }
 
 /// Which of the photon maps.
@@ -127,10 +129,12 @@ impl RenderPlan {
             global_map: facts.global_map(integrator, show),
             caustic_map: facts.caustic_map(integrator, show),
             final_gather: match integrator {
-                IntegratorKind::PhotonMap if facts.lit && facts.diffuse > 0 => {
+                IntegratorKind::PhotonMap | IntegratorKind::Progressive if facts.lit && facts.diffuse > 0 => {
                     Decision::yes("diffuse surfaces reflect light to each other")
                 }
-                IntegratorKind::PhotonMap => Decision::no("no light reaches a diffuse surface"),
+                IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
+                    Decision::no("no light reaches a diffuse surface")
+                }
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::no("path tracing needs no maps"),
             },
@@ -154,7 +158,7 @@ impl RenderPlan {
             bsdf_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::yes("paths that hit lights by chance carry caustics"),
-                IntegratorKind::PhotonMap => facts.bsdf_sampling(),
+                IntegratorKind::PhotonMap | IntegratorKind::Progressive => facts.bsdf_sampling(),
             },
             shadow_photons: Decision::no("every shadow ray is traced"),
             absorption: if facts.absorbing > 0 {
@@ -307,11 +311,11 @@ impl Facts {
         match integrator {
             IntegratorKind::Photons => Decision::no("the map is shown directly"),
             IntegratorKind::Path => Decision::no("path tracing needs no maps"),
-            IntegratorKind::PhotonMap if !self.lit => Decision::no("there is no light"),
-            IntegratorKind::PhotonMap if self.lambert == 0 => {
+            _ if !self.lit => Decision::no("there is no light"),
+            _ if self.lambert == 0 => {
                 Decision::no("no Lambertian surface: indirect light depends on the direction of view")
             }
-            IntegratorKind::PhotonMap => Decision::yes(format!(
+            IntegratorKind::PhotonMap | IntegratorKind::Progressive => Decision::yes(format!(
                 "indirect light changes slowly over {} Lambertian surface(s)",
                 self.lambert
             )),

@@ -20,6 +20,20 @@ const CLOSE_RECURSIONS: u32 = 2;
 /// Diffuse reflections after the first one for which too few photons are still replaced by sampling.
 const POOR_RECURSIONS: u32 = 8;
 
+/// Diffuse reflections after the first one that are followed without Russian roulette, in rounds of progressive rendering.
+const SURE_RECURSIONS: u32 = 2;
+
+/// Smallest probability of that roulette.
+const LEAST_SURVIVAL: f32 = 0.1;
+
+/// Albedo beyond which light is taken to be reflected no longer, in the estimate of a bias.
+const LARGEST_ALBEDO: f32 = 0.9;
+
+/// Numbers of the decisions of a progressive round among those that a gather ray's own number is refreshed for; depths are
+/// below.
+const MAP_OR_NOT: u32 = u32::MAX;
+const GO_ON_OR_NOT: u32 = u32::MAX - 1;
+
 /// An estimate that rests on fewer photons than this is poor.
 const POOR_PHOTONS: u32 = 8;
 
@@ -27,11 +41,21 @@ const POOR_PHOTONS: u32 = 8;
 /// one of the points stands for several photons, so some twenty are expected within the radius of an estimate.
 const POOR_REACH: f32 = 0.25;
 
+/// Light by gather rays: that of surfaces, that of emitters, and by how much the first is expected to be off.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gain {
+    pub(super) indirect: Rgb,
+    pub(super) direct: Rgb,
+    pub(super) bias: Rgb,
+}
+
 /// What a gather ray brought.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gathered {
     pub(super) indirect: Rgb,
     pub(super) direct: Rgb,
+    /// By how much `indirect` is expected to be off, in rounds of progressive rendering.
+    pub(super) bias: Rgb,
     /// Distance of the first surface; infinite where there is none.
     pub(super) nearest: f32,
     /// Length of the whole way.
@@ -62,20 +86,20 @@ impl PhotonMapIntegrator<'_> {
         directions: &Directions<'_>,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
-    ) -> (Rgb, Rgb) {
+    ) -> Gain {
         if self.maps.global.is_none() && !self.bsdf_sampling {
-            return (Rgb::ZERO, Rgb::ZERO);
+            return Gain::default();
         }
         let count = ((self.settings.gather_samples as f32 * vertex.share).ceil() as u32).max(1);
         // Taken also where they are not needed, so that the cache changes no other number of the sample.
         let splits = samples.splits(self.settings.gather_samples);
         let cached = self.cached(vertex, scratch);
         if let (Some(indirect), false) = (cached, self.bsdf_sampling) {
-            return (indirect, Rgb::ZERO);
+            return Gain { indirect, ..Gain::default() };
         }
         let points = (0..count).map(|i| splits.get_4d(i));
-        let (indirect, direct) = self.gather_from(vertex, directions, points, (cached.is_none(), 0), scratch);
-        (cached.unwrap_or(indirect), direct)
+        let gathered = self.gather_from(vertex, directions, points, (cached.is_none(), 0), scratch);
+        Gain { indirect: cached.unwrap_or(gathered.indirect), ..gathered }
     }
 
     /// Mean over gather rays drawn by these random numbers: reflected light that arrives (where it is wanted), and light of
@@ -87,8 +111,8 @@ impl PhotonMapIntegrator<'_> {
         points: impl ExactSizeIterator<Item = [f32; 4]>,
         (wanted, recursion): (bool, u32),
         scratch: &mut Scratch,
-    ) -> (Rgb, Rgb) {
-        let (mut indirect, mut direct) = (Rgb::ZERO, Rgb::ZERO);
+    ) -> Gain {
+        let mut gain = Gain::default();
         let count = points.len();
         for [x, y, u_lobe, u_path] in points {
             let Some(sample) = directions.sample_diffuse(u_lobe, glam::Vec2::new(x, y)) else { continue };
@@ -111,10 +135,12 @@ impl PhotonMapIntegrator<'_> {
                 weight: vertex.weight * sample.throughput.max_element(),
             };
             let found = self.gather(vertex, &start, u_path, scratch);
-            indirect += sample.throughput * found.indirect;
-            direct += sample.throughput * found.direct;
+            gain.indirect += sample.throughput * found.indirect;
+            gain.direct += sample.throughput * found.direct;
+            gain.bias += sample.throughput * found.bias;
         }
-        (indirect / count as f32, direct / count as f32)
+        let count = count as f32;
+        Gain { indirect: gain.indirect / count, direct: gain.direct / count, bias: gain.bias / count }
     }
 
     /// Radiance that arrives along a gather ray.
@@ -127,8 +153,13 @@ impl PhotonMapIntegrator<'_> {
     ) -> Gathered {
         let Start { mut ray, mut medium, direct_pdf, .. } = *start;
         let mut throughput = Rgb::ONE;
-        let mut found =
-            Gathered { indirect: Rgb::ZERO, direct: Rgb::ZERO, nearest: f32::INFINITY, distance: 0.0 };
+        let mut found = Gathered {
+            indirect: Rgb::ZERO,
+            direct: Rgb::ZERO,
+            bias: Rgb::ZERO,
+            nearest: f32::INFINITY,
+            distance: 0.0,
+        };
         scratch.counters.gather_rays += 1;
         let own = u;
         for depth in 0..self.settings.max_depth {
@@ -165,8 +196,9 @@ impl PhotonMapIntegrator<'_> {
                     depth: segments,
                     travelled: vertex.travelled + found.distance,
                 };
-                found.indirect +=
-                    throughput * self.leaving(&landing, hit.distance, start.recursion, u, scratch);
+                let (leaving, bias) = self.leaving(&landing, hit.distance, start.recursion, u, scratch);
+                found.indirect += throughput * leaving;
+                found.bias += throughput * bias;
                 if !(shading.bsdf.has_glossy() || shading.bsdf.has_specular()) {
                     return found;
                 }
@@ -207,7 +239,8 @@ impl PhotonMapIntegrator<'_> {
 
     /// Radiance that leaves a surface on which a gather ray ends (Jensen 1996, sections 4 to 4.4): from the global map,
     /// unless the surface is so close that the blur of the map would show (corners), or photons are too few.
-    /// That is its diffuse lobe; highly glossy ones are sampled even here, see [`Self::continue_gathering`].
+    /// That is its diffuse lobe; highly glossy ones are sampled even here, see [`Self::continue_gathering`]. And by how much
+    /// it is expected to be off, in rounds of progressive rendering.
     fn leaving(
         &self,
         landing: &Vertex<'_>,
@@ -215,10 +248,27 @@ impl PhotonMapIntegrator<'_> {
         recursion: u32,
         u: f32,
         scratch: &mut Scratch,
-    ) -> Rgb {
+    ) -> (Rgb, Rgb) {
         if !landing.shading.bsdf.has_diffuse() || !self.has_photons() {
-            return Rgb::ZERO;
+            return (Rgb::ZERO, Rgb::ZERO);
         }
+        if let Some(narrowing) = self.settings.narrowing
+            && refreshed(u, MAP_OR_NOT) >= narrowing.read_share
+        {
+            return self.compared(narrowing.read_share, landing, recursion, u, scratch);
+        }
+        (self.mostly_approximate(landing, distance, recursion, u, scratch), Rgb::ZERO)
+    }
+
+    /// [`Self::leaving`] without what rounds of progressive rendering do.
+    fn mostly_approximate(
+        &self,
+        landing: &Vertex<'_>,
+        distance: f32,
+        recursion: u32,
+        u: f32,
+        scratch: &mut Scratch,
+    ) -> Rgb {
         let matters = landing.weight >= self.settings.approximate_weight;
         if distance < self.settings.accurate_distance && recursion < CLOSE_RECURSIONS && matters {
             scratch.counters.accurate_close += 1;
@@ -243,6 +293,39 @@ impl PhotonMapIntegrator<'_> {
         is_lit || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
     }
 
+    /// The four integrals where the map is read with probability `read_share` and now is not. And an estimate of the bias
+    /// that reading it brings to the mean of both.
+    ///
+    /// With b the bias of the map and a that of what is returned here, which goes on to places that read the map with
+    /// probability q as well, a = albedo (q b + (1 - q) a), so that the mean is off by
+    /// q b + (1 - q) a = q (b - a) / (1 - albedo), and b - a is the difference of the two.
+    fn compared(
+        &self,
+        read_share: f32,
+        landing: &Vertex<'_>,
+        recursion: u32,
+        u: f32,
+        scratch: &mut Scratch,
+    ) -> (Rgb, Rgb) {
+        scratch.counters.accurate_drawn += 1;
+        let albedo = landing.shading.bsdf.albedo(landing.shading.wo_local).max_element();
+        // Where the way would be endless, it ends by chance.
+        let survival = if recursion < SURE_RECURSIONS { 1.0 } else { albedo.clamp(LEAST_SURVIVAL, 1.0) };
+        if survival < 1.0 && refreshed(u, GO_ON_OR_NOT) >= survival {
+            return (Rgb::ZERO, Rgb::ZERO);
+        }
+        let radiance = self.accurate(landing, recursion, u, scratch) / survival;
+        if recursion > 0 {
+            return (radiance, Rgb::ZERO);
+        }
+        let Some(read) = self.approximate(landing.hit, landing.shading, scratch) else {
+            return (radiance, Rgb::ZERO);
+        };
+        let ways_on = 1.0 / (1.0 - albedo.min(LARGEST_ALBEDO));
+        // Each such difference stands for all gather rays, of which this one was drawn with this probability.
+        (radiance, (read - radiance) * (read_share * ways_on / (1.0 - read_share)))
+    }
+
     /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling.
     fn accurate(&self, at: &Vertex<'_>, recursion: u32, u: f32, scratch: &mut Scratch) -> Rgb {
         let p = at.hit.point.position;
@@ -251,10 +334,10 @@ impl PhotonMapIntegrator<'_> {
         let mut samples = SampleStream::new(key, u64::from(recursion), 0);
         let directions = self.directions(at, scratch);
         let direct = self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch);
-        let caustics = self.caustics(at, scratch);
+        let caustics = self.caustics_behind(at, scratch);
         let point = [samples.splits(1).get_4d(0)].into_iter();
-        let (indirect, by_bsdf) = self.gather_from(at, &directions, point, (true, recursion + 1), scratch);
-        direct.diffuse + by_bsdf + caustics + indirect
+        let gathered = self.gather_from(at, &directions, point, (true, recursion + 1), scratch);
+        direct.diffuse + gathered.direct + caustics + gathered.indirect
     }
 
     /// Radiance of a diffuse surface read from the global map; `None` where that rests on too few photons.

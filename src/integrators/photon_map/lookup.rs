@@ -32,7 +32,9 @@ pub(super) fn reflected_estimate(
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
     if let Some(lambert) = shading.bsdf.lambertian() {
         let (estimate, _) = irradiance(scene, reading, what, scratch);
-        return Estimate { value: lambert.reflectance * estimate.value * FRAC_1_PI, ..estimate };
+        let reflected = |irradiance: Rgb| lambert.reflectance * irradiance * FRAC_1_PI;
+        let (value, narrower) = (reflected(estimate.value), reflected(estimate.narrower));
+        return Estimate { value, narrower, ..estimate };
     }
     let wo = shading.wo_local;
     let f =

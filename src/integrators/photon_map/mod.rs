@@ -5,6 +5,7 @@ mod cache;
 mod gather;
 mod glossy;
 mod lookup;
+mod narrowing;
 mod receive;
 mod reuse;
 mod show;
@@ -13,6 +14,7 @@ mod walk;
 
 pub use cache::{CachePass, CacheRequest};
 pub use lookup::visible_domain;
+pub use narrowing::Narrowing;
 pub use show::ShowPhotons;
 pub use show_classes::ShowClasses;
 
@@ -28,8 +30,9 @@ use crate::photons::{
 };
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
+use gather::Gain;
 use glam::Vec3;
-use lookup::{irradiance, reflected};
+use lookup::{irradiance, reflected_estimate};
 pub(super) use reuse::Remembered;
 use std::f32::consts::FRAC_1_PI;
 use walk::{Walk, walk_specular};
@@ -75,6 +78,8 @@ pub struct PhotonMapSettings {
     pub accurate_distance: f32,
     /// Paths that carry less than this are evaluated from the maps alone.
     pub approximate_weight: f32,
+    /// How far a round of progressive rendering has narrowed what is biased; `None` for a picture of one map alone.
+    pub narrowing: Option<Narrowing>,
 }
 
 impl PhotonMapSettings {
@@ -87,9 +92,12 @@ impl PhotonMapSettings {
     ///
     /// It reaches no farther than where, were the photons spread evenly over a sphere around the scene, it would find four
     /// times as many as are wanted: beyond that caustics are so faint that one photon more or less changes nothing, and what
-    /// a wide search meets is the foci of others.
+    /// a wide search meets is the foci of others. Rounds of progressive rendering have a law of their own.
     pub fn caustic_query(&self, map: &PhotonMap, position: Vec3, normal: Vec3) -> Query {
         let query = self.query(position, normal, self.caustic_nearest, self.caustic_radius);
+        if let Some(narrowing) = self.narrowing {
+            return narrowing.narrow(query);
+        }
         if self.caustic_radius.is_some() {
             return query;
         }
@@ -172,29 +180,53 @@ impl<'a> PhotonMapIntegrator<'a> {
         Directions::new(self.maps.guide.as_ref(), vertex.hit, vertex.shading, &mut scratch.counters)
     }
 
-    /// Third integral: the caustic map, shown directly.
-    fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+    /// Third integral: the caustic map, shown directly. And by how much that is expected to be off, in rounds of
+    /// progressive rendering.
+    fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Rgb, Rgb) {
         let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
         if let Some(radiance) = by_map {
-            return radiance;
+            return (radiance, Rgb::ZERO);
         }
-        let Some(map) = &self.maps.caustic else { return Rgb::ZERO };
+        let Some(map) = &self.maps.caustic else { return (Rgb::ZERO, Rgb::ZERO) };
         scratch.counters.caustic_lookups += 1;
         let query = self.settings.caustic_query(map, vertex.hit.point.position, vertex.hit.facing_normal());
-        reflected(self.scene, &self.settings, (map, &query, &self.settings.caustic), vertex.shading, scratch)
+        let what = (map, &query, &self.settings.caustic);
+        let estimate = reflected_estimate(self.scene, &self.settings, what, vertex.shading, scratch);
+        (estimate.value, narrowing::bias_of(&estimate))
+    }
+
+    /// The same behind a diffuse reflection.
+    fn caustics_behind(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+        let (Some(map), Some(narrowing)) = (&self.maps.caustic, self.settings.narrowing) else {
+            return self.caustics(vertex, scratch).0;
+        };
+        scratch.counters.caustic_lookups += 1;
+        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
+        let query = self.settings.caustic_query_behind(narrowing, position, normal);
+        // Feelers would cost more than all else, and the radius is small.
+        let reading = PhotonMapSettings { visible_kernel: false, ..self.settings };
+        reflected_estimate(
+            self.scene,
+            &reading,
+            (map, &query, &self.settings.caustic),
+            vertex.shading,
+            scratch,
+        )
+        .value
     }
 
     /// [`Self::caustics`] for a surface that the eye sees: an estimate that blurs over the pixel is made once for its camera
     /// samples. Not for what gather rays meet, which are other places in each sample.
-    fn shared_caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+    fn shared_caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Rgb, Rgb) {
         let reuse = self.settings.caustic_reuse;
-        let lambert = vertex.shading.bsdf.lambertian().filter(|_| reuse > 0.0);
+        let shares = reuse > 0.0 && self.settings.narrowing.is_none();
+        let lambert = vertex.shading.bsdf.lambertian().filter(|_| shares);
         let (Some(map), Some(lambert)) = (&self.maps.caustic, lambert) else {
             return self.caustics(vertex, scratch);
         };
         let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
         if let Some(radiance) = by_map {
-            return radiance;
+            return (radiance, Rgb::ZERO);
         }
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
         let known = scratch.remembered.at(position, normal);
@@ -208,7 +240,7 @@ impl<'a> PhotonMapIntegrator<'a> {
             scratch.remembered.note(position, normal, seen.min(reuse * estimate.radius), estimate.value);
             estimate.value
         });
-        lambert.reflectance * irradiance * FRAC_1_PI
+        (lambert.reflectance * irradiance * FRAC_1_PI, Rgb::ZERO)
     }
 
     /// Radiance that a Lambertian surface reflects of the light that `read` finds in its illumination map; `None` where it has
@@ -259,16 +291,18 @@ impl<'a> PhotonMapIntegrator<'a> {
         } else {
             Reflected::default()
         };
-        let (mut caustics, mut indirect, mut by_bsdf) = (Rgb::ZERO, Rgb::ZERO, Rgb::ZERO);
+        let (mut caustics, mut gathered) = (Rgb::ZERO, Gain::default());
         if has_diffuse {
-            caustics = self.shared_caustics(vertex, scratch);
-            (indirect, by_bsdf) = self.indirect(vertex, &directions, samples, scratch);
+            let bias;
+            (caustics, bias) = self.shared_caustics(vertex, scratch);
+            gathered = self.indirect(vertex, &directions, samples, scratch);
+            scratch.bias = bias + gathered.bias;
         }
         [
-            (Aov::Direct, by_light.diffuse + by_bsdf),
+            (Aov::Direct, by_light.diffuse + gathered.direct),
             (Aov::Specular, by_light.glossy),
             (Aov::Caustics, caustics),
-            (Aov::Indirect, indirect),
+            (Aov::Indirect, gathered.indirect),
         ]
     }
 }

@@ -96,6 +96,7 @@ pub(super) fn walk_specular<const N: usize>(
         for (aov, radiance) in shade(&vertex, samples, scratch) {
             out.add(part(aov), branch.throughput * radiance);
         }
+        out.bias += branch.throughput * std::mem::take(&mut scratch.bias);
     }
     scratch.branches = branches;
     out

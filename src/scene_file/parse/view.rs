@@ -29,6 +29,8 @@ const CONE_CONSTANT: Expected =
     Expected { what: "a number from 1 to 1000", example: "1.1", holds: |x| (1.0..=1000.0).contains(&x) };
 const CACHE_ERROR: Expected =
     Expected { what: "a number from 0.01 to 1", example: "0.2", holds: |x| (0.01..=1.0).contains(&x) };
+const TARGET_ERROR: Expected =
+    Expected { what: "a number from 0.000001 to 10", example: "0.02", holds: |x| (1e-6..=10.0).contains(&x) };
 const SHARE: Expected =
     Expected { what: "a share from 0 to 1", example: "0.02", holds: |x| (0.0..=1.0).contains(&x) };
 
@@ -136,6 +138,7 @@ const INTEGRATORS: &[(&str, IntegratorKind)] = &[
     ("photon-map", IntegratorKind::PhotonMap),
     ("photons", IntegratorKind::Photons),
     ("path", IntegratorKind::Path),
+    ("progressive", IntegratorKind::Progressive),
 ];
 const MAPS: &[(&str, MapKind)] = &[("global", MapKind::Global), ("caustic", MapKind::Caustic)];
 const GUIDES: &[(&str, GuideKind)] = &[("none", GuideKind::None), ("photons", GuideKind::Photons)];
@@ -162,6 +165,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
     const MANY: u64 = 1 << 24;
     const PHOTONS: u64 = 1 << 40;
     const SHADOW_RAYS: u64 = 1 << 30;
+    const MOST_ROUNDS: u64 = 1 << 40;
     let count = |low: u64, high: u64| {
         move |value: Value<'_>| value.integer(low..=high).and_then(|count| u32::try_from(count).ok())
     };
@@ -201,6 +205,8 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
     let caustic_reuse = table.optional("caustic-reuse", share(&SHARE));
     let accurate_distance = table.optional("accurate-distance", share(&SHARE));
     let approximate_weight = table.optional("approximate-weight", share(&SHARE));
+    let rounds = table.optional("rounds", |value| value.integer(1..=MOST_ROUNDS));
+    let target_error = table.optional("target-error", |value| value.number(&TARGET_ERROR));
     table.finish();
     Some(Overrides {
         quality: quality?,
@@ -239,6 +245,8 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
         cache_samples: cache_samples?,
         accurate_distance: accurate_distance?,
         approximate_weight: approximate_weight?,
+        rounds: rounds?,
+        target_error: target_error?,
     })
 }
 

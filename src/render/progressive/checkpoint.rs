@@ -1,0 +1,202 @@
+//! Renders in rounds, kept in files. A file is
+//!
+//! ```text
+//! "cardioid rounds\n"     16 bytes
+//! version                 u32
+//! length of the header    u32
+//! header                  JSON: what is rendered, how many rounds, what was counted
+//! even rounds, odd rounds sums of the two films
+//! checksum                BLAKE3 of all before, 32 bytes
+//! ```
+//!
+//! with numbers little-endian.
+
+use super::RoundStatistics;
+use crate::film::Film;
+use crate::image_io::{self, ImageError};
+use crate::integrators::Counters;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+
+const MAGIC: [u8; 16] = *b"cardioid rounds\n";
+
+/// Of the layout above, and of what rounds compute: raised where either changes.
+const VERSION: u32 = 1;
+
+/// A longer header is not one.
+const LONGEST_HEADER: u32 = 1 << 20;
+
+/// What must be the same for two renders to be one: names and values.
+pub(super) type Identity = BTreeMap<String, Value>;
+
+/// What a file says of its render.
+#[derive(Debug, Deserialize, Serialize)]
+pub(super) struct Header {
+    pub(super) identity: Identity,
+    pub(super) statistics: RoundStatistics,
+    pub(super) counters: Counters,
+}
+
+/// A render in rounds up to some round.
+#[derive(Debug)]
+pub struct Checkpoint {
+    pub(super) header: Header,
+    /// Sums of the even and of the odd rounds, counted from zero.
+    pub(super) halves: [Film; 2],
+}
+
+/// Why a render cannot be gone on with, or not be kept.
+#[derive(Debug, thiserror::Error)]
+pub enum CheckpointError {
+    /// The file cannot be read.
+    #[error("cannot read {}: {error}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
+    /// It is none, or damaged.
+    #[error("{} {what}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, after its name.
+        what: String,
+    },
+    /// It is of something else.
+    #[error("{} holds another render, which this one cannot go on with: {}", path.display(), differences.join("; "))]
+    Different {
+        /// The file.
+        path: PathBuf,
+        /// Each difference.
+        differences: Vec<String>,
+    },
+    /// It cannot be written.
+    #[error(transparent)]
+    Write(#[from] ImageError),
+    /// Only what is rendered in rounds can be kept.
+    #[error("only --integrator progressive renders in rounds, which can be kept and gone on with")]
+    NoRounds,
+}
+
+impl Checkpoint {
+    /// Writes it; the file changes only when all of it is on the disk.
+    pub(super) fn write(&self, path: &Path) -> Result<(), CheckpointError> {
+        Ok(image_io::write_with(path, |file| {
+            let mut to = Hashing::new(BufWriter::new(file));
+            let header = serde_json::to_vec(&self.header)?;
+            to.write_all(&MAGIC)?;
+            to.write_all(&VERSION.to_le_bytes())?;
+            to.write_all(&(header.len() as u32).to_le_bytes())?;
+            to.write_all(&header)?;
+            self.halves.iter().try_for_each(|half| half.save(&mut to))?;
+            let checksum = to.hasher.finalize();
+            to.inner.write_all(checksum.as_bytes())?;
+            to.inner.flush()
+        })?)
+    }
+
+    /// Reads what a render of this identity left, whose films are like `empty`.
+    pub(super) fn read(path: &Path, identity: &Identity, empty: [Film; 2]) -> Result<Self, CheckpointError> {
+        let failed = |error: io::Error| match error.kind() {
+            ErrorKind::UnexpectedEof => damaged(path, "ends too early; it is damaged"),
+            ErrorKind::InvalidData => damaged(path, "is damaged"),
+            _ => CheckpointError::Read { path: path.to_owned(), error },
+        };
+        let mut from = Hashing::new(BufReader::new(File::open(path).map_err(failed)?));
+        let mut magic = [0; MAGIC.len()];
+        match from.read_exact(&mut magic) {
+            Err(error) if error.kind() != ErrorKind::UnexpectedEof => return Err(failed(error)),
+            Ok(()) if magic == MAGIC => {}
+            _ => return Err(damaged(path, "is not what --checkpoint writes")),
+        }
+        let mut number = || -> io::Result<u32> {
+            let mut bytes = [0; 4];
+            from.read_exact(&mut bytes)?;
+            Ok(u32::from_le_bytes(bytes))
+        };
+        let version = number().map_err(failed)?;
+        if version != VERSION {
+            let what = format!(
+                "was written by another version of cardioid ({version}, and this one reads {VERSION})"
+            );
+            return Err(damaged(path, what));
+        }
+        let length = number().map_err(failed)?;
+        if length > LONGEST_HEADER {
+            return Err(damaged(path, "is damaged"));
+        }
+        let mut header = vec![0; length as usize];
+        from.read_exact(&mut header).map_err(failed)?;
+        let header: Header = serde_json::from_slice(&header).map_err(|_| damaged(path, "is damaged"))?;
+        let differences = differences(&header.identity, identity);
+        if !differences.is_empty() {
+            return Err(CheckpointError::Different { path: path.to_owned(), differences });
+        }
+        let mut halves = empty;
+        halves.iter_mut().try_for_each(|half| half.restore(&mut from)).map_err(failed)?;
+        let checksum = from.hasher.finalize();
+        let mut rest = Vec::new();
+        from.inner.take(33).read_to_end(&mut rest).map_err(failed)?;
+        if rest != checksum.as_bytes() {
+            return Err(damaged(path, "is damaged: its checksum is wrong"));
+        }
+        Ok(Self { header, halves })
+    }
+}
+
+fn damaged(path: &Path, what: impl Into<String>) -> CheckpointError {
+    CheckpointError::Damaged { path: path.to_owned(), what: what.into() }
+}
+
+/// Where two identities differ, in words: "spp was 4 and is 8".
+fn differences(was: &Identity, is: &Identity) -> Vec<String> {
+    let names: std::collections::BTreeSet<&String> = was.keys().chain(is.keys()).collect();
+    let said = |value: Option<&Value>| match value {
+        None | Some(Value::Null) => "not set".to_owned(),
+        Some(Value::String(text)) => text.clone(),
+        Some(other) => other.to_string(),
+    };
+    names
+        .into_iter()
+        .filter(|&name| was.get(name) != is.get(name))
+        .map(|name| format!("{name} was {} and is {}", said(was.get(name)), said(is.get(name))))
+        .collect()
+}
+
+/// Passes bytes on and hashes them.
+struct Hashing<T> {
+    inner: T,
+    hasher: blake3::Hasher,
+}
+
+impl<T> Hashing<T> {
+    fn new(inner: T) -> Self {
+        Self { inner, hasher: blake3::Hasher::new() }
+    }
+}
+
+impl<T: Read> Read for Hashing<T> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.inner.read(buffer)?;
+        self.hasher.update(&buffer[..count]);
+        Ok(count)
+    }
+}
+
+impl<T: Write> Write for Hashing<T> {
+    fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
+        let count = self.inner.write(buffer)?;
+        self.hasher.update(&buffer[..count]);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}

@@ -1,0 +1,110 @@
+//! How far a picture is from the truth, told from its two halves alone.
+
+use crate::film::Film;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// An estimate of the relative error of a picture that was rendered in rounds: the root of the mean over pixels and channels of
+/// (t - r)^2 / (r^2 + f), with f a hundredth of the square of the picture's mean, so that black pixels count without
+/// dominating and the unit of light does not matter. Cardioid's `compare` prints the true one as `relrmse_u`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorEstimate {
+    /// Rounds that the picture consists of.
+    pub rounds: u64,
+    /// Of noise and bias together.
+    pub error: f64,
+    /// Of noise.
+    pub noise: f64,
+    /// Of bias.
+    pub bias: f64,
+}
+
+/// What is added to the square of a radiance in relative errors, over the square of the picture's mean.
+const FLOOR: f64 = 0.01;
+
+/// The error of the picture that the two halves make together, which stand for so many rounds. `None` where one of them has none
+/// or the picture is black.
+///
+/// The halves e and o, of n_e and n_o rounds, are independent of each other, as they share neither camera samples nor photons.
+/// So the variance of the whole is that of e - o times n_e n_o / n^2; and of the estimates of bias of both the product
+/// has the square of their mean as its expectation, free of their noise.
+pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEstimate> {
+    let (even, odd) = (rounds[0] as f64, rounds[1] as f64);
+    let all = even + odd;
+    let whole = |e: DVec3, o: DVec3| (e * even + o * odd) / all;
+    let pixels = || halves[0].means_and_biases().zip(halves[1].means_and_biases());
+    let mut sum = DVec3::ZERO;
+    let mut count = 0.0;
+    for ([e, _], [o, _]) in pixels() {
+        sum += whole(e, o).abs();
+        count += 1.0;
+    }
+    let mean = sum.element_sum() / (3.0 * count);
+    if rounds.contains(&0) || !(mean > 0.0 && mean.is_finite()) {
+        return None;
+    }
+    // Relative to the mean from the start, so that no square leaves the range.
+    let (mut noise, mut bias) = (0.0, 0.0);
+    for ([e, e_bias], [o, o_bias]) in pixels() {
+        let value = whole(e, o) / mean;
+        let weight = (value * value + FLOOR).recip();
+        let difference = (e - o) / mean;
+        noise += (difference * difference * weight).element_sum();
+        bias += (e_bias / mean * (o_bias / mean) * weight).element_sum();
+    }
+    let noise = noise / (3.0 * count) * (even * odd) / (all * all);
+    // Below zero by chance where there is next to none.
+    let bias = (bias / (3.0 * count)).max(0.0);
+    let rounds = rounds[0] + rounds[1];
+    Some(ErrorEstimate { rounds, error: (noise + bias).sqrt(), noise: noise.sqrt(), bias: bias.sqrt() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::{LayerSet, PixelSample};
+    use crate::math::Rgb;
+    use crate::sampling::{Rng, Stream};
+
+    /// Halves with Gaussian-like noise of this deviation per round, and estimates of bias around `bias` with as much noise.
+    fn halves(rounds: [u64; 2], deviation: f64, bias: f64, scale: f64) -> [Film; 2] {
+        let layers = LayerSet { bias: true, ..LayerSet::default() };
+        let mut rng = Rng::new(5, Stream::Measure, 0);
+        rounds.map(|rounds| {
+            let mut film = Film::new(64, 64, None, layers).unwrap();
+            for _ in 0..rounds {
+                let mut tile = film.tile(film.rect()).unwrap();
+                for (x, y) in film.rect().pixels() {
+                    let mut noise = || deviation * 12f64.sqrt() * (rng.next_f64() - 0.5);
+                    let mut value = |mean: f64| Rgb::splat(((mean + noise()) * scale) as f32);
+                    let mut sample = PixelSample { bias: value(bias), ..PixelSample::default() };
+                    sample.radiance[0] = value(1.0);
+                    tile.add(x, y, 1.0, &sample);
+                }
+                film.merge(&tile).unwrap();
+            }
+            film
+        })
+    }
+
+    #[test]
+    fn noise_and_bias_are_told_apart() {
+        for (rounds, scale) in [([8, 8], 1.0), ([9, 8], 1e-25), ([20, 1], 1e20)] {
+            let found = error_of_halves(&halves(rounds, 0.5, 0.1, scale), rounds).unwrap();
+            let n = (rounds[0] + rounds[1]) as f64;
+            // 4096 independent pixels: the estimate of a variance is certain to 2.2 %, three standard errors on the root.
+            let noise = 0.5 / n.sqrt() / 1.01f64.sqrt();
+            assert!((found.noise / noise - 1.0).abs() < 0.05, "{rounds:?}: {found:?} {noise}");
+            // In proportion to the noise of the estimate: 0.25 / sqrt(n_e n_o) / 64 on the square.
+            let certain = 3.0 * 0.25 / ((rounds[0] * rounds[1]) as f64).sqrt() / 64.0;
+            assert!((found.bias.powi(2) - 0.01 / 1.01).abs() < certain, "{rounds:?}: {found:?}");
+            assert!((found.error.powi(2) - found.noise.powi(2) - found.bias.powi(2)).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn nothing_is_known_of_one_round_or_of_darkness() {
+        assert_eq!(error_of_halves(&halves([1, 0], 0.5, 0.0, 1.0), [1, 0]), None);
+        assert_eq!(error_of_halves(&halves([1, 1], 0.5, 0.0, 0.0), [1, 1]), None);
+    }
+}

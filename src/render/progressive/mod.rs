@@ -1,0 +1,398 @@
+//! Progressive photon mapping: rounds of photon maps and pictures that are independent of each other, and of which each reads
+//! less that is biased than the one before (Knaus & Zwicker, "Progressive Photon Mapping: A Probabilistic Approach", ACM
+//! Transactions on Graphics 30(3), 2011). The mean of all rounds is the picture; its error falls as long as they go on.
+//!
+//! What is biased, and how it vanishes, is in `docs/progressive.md`.
+
+mod checkpoint;
+mod error;
+mod law;
+
+pub use checkpoint::{Checkpoint, CheckpointError};
+pub use error::{ErrorEstimate, error_of_halves};
+
+use super::job::{PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, statistics};
+use super::maps::{PassOne, build_maps};
+use super::observer::Observer;
+use super::settings::Settings;
+use super::stats::Statistics;
+use crate::camera::Camera;
+use crate::film::{Film, FilmError, LayerSet};
+use crate::integrators::{Counters, Narrowing, PhotonMapSettings};
+use crate::scene::{IntegratorKind, RenderPlan, Scene};
+use checkpoint::{Header, Identity};
+use law::Areas;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// Rounds, in `--stats` and in the picture's metadata.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+pub struct RoundStatistics {
+    /// Rounds that the picture is the mean of: asked for as `--rounds`, with the same settings they give the same picture.
+    pub done: u64,
+    /// How many of them are from an earlier render, which this one went on with.
+    pub resumed: u64,
+    /// Photons emitted in all rounds, for all maps.
+    pub photons_emitted: u64,
+    /// Photons stored in all rounds, in all maps.
+    pub photons_stored: u64,
+    /// Area of the discs of caustic estimates in the last round over that in the first.
+    pub area: f64,
+    /// Seconds that all rounds took.
+    pub seconds: f64,
+    /// How far the picture is from the truth; `None` after a single round.
+    pub error: Option<ErrorEstimate>,
+    /// That error asked for.
+    pub target_error: Option<f64>,
+    /// The same after fewer rounds: the powers of two.
+    pub history: Vec<ErrorEstimate>,
+}
+
+/// What rounds of an earlier render are gone on with, and where these are kept.
+#[derive(Clone, Debug, Default)]
+pub struct Rounds {
+    /// What besides the request must be the same for two renders to be one (the scene, the versions of libraries): names
+    /// and values.
+    pub identity: Vec<(String, String)>,
+    /// A file to go on with.
+    pub resume: Option<PathBuf>,
+    /// Where to keep rounds: at the end, and now and then before.
+    pub checkpoint: Option<PathBuf>,
+}
+
+impl Rounds {
+    /// From the first round on, and nothing on disk.
+    pub fn keeping_nothing() -> Self {
+        Self::default()
+    }
+
+    fn identity_of(&self, request: &RenderRequest) -> Identity {
+        let RenderRequest { width, height, crop, filter, layers, ref settings } = *request;
+        let mut identity = Identity::new();
+        // Rounds may be added, and another error be asked for.
+        let settings = Settings { rounds: None, target_error: None, ..settings.clone() };
+        if let Ok(Value::Object(settings)) = serde_json::to_value(settings) {
+            identity.extend(settings.into_iter().map(|(name, value)| (name.replace('_', "-"), value)));
+        }
+        let mut add = |name: &str, value: String| identity.insert(name.to_owned(), value.into());
+        add("size", format!("{width}x{height}"));
+        add("window", crop.map_or("the whole".into(), |c| format!("{},{},{},{}", c.x0, c.y0, c.x1, c.y1)));
+        add("filter", format!("{filter:?}"));
+        add("layers", format!("{layers:?}"));
+        for (name, value) in &self.identity {
+            add(name, value.clone());
+        }
+        identity
+    }
+}
+
+/// Rounds before an error is believed.
+const FEWEST_ROUNDS: u64 = 4;
+
+/// Time between two files: writing one takes far less.
+const KEPT_EVERY: Duration = Duration::from_secs(30);
+
+/// Renders in rounds, up to [`Settings::rounds`] or until the error is estimated to be down to [`Settings::target_error`]; ends
+/// before a round that would exceed the observer's deadline, and drops the round under way where it asks to stop. The first
+/// round is finished in any case, unless nothing is wanted any more.
+///
+/// # Errors
+/// Where the request makes no sense, or a file cannot be read or written.
+pub fn render_in_rounds(
+    scene: &Scene,
+    camera: &Camera,
+    request: &RenderRequest,
+    observer: &dyn Observer,
+    rounds: Rounds,
+) -> Result<Rendered, RenderError> {
+    let settings = &request.settings;
+    if settings.integrator != IntegratorKind::Progressive {
+        return Err(CheckpointError::NoRounds.into());
+    }
+    if settings.spp == 0 {
+        return Err(RenderError::NoSamples);
+    }
+    let request = &RenderRequest { layers: LayerSet { bias: true, ..request.layers }, ..request.clone() };
+    let job = Job { scene, camera, request, plan: &settings.plan(scene), observer };
+    let identity = rounds.identity_of(request);
+    let empty = [job.film()?, job.film()?];
+    let mut state = match &rounds.resume {
+        Some(path) => Checkpoint::read(path, &identity, empty)?,
+        None => {
+            let header =
+                Header { identity, statistics: RoundStatistics::default(), counters: Counters::default() };
+            Checkpoint { header, halves: empty }
+        }
+    };
+    state.header.statistics.resumed = state.header.statistics.done;
+    state.header.statistics.target_error = settings.target_error;
+    let mut run = Run { job, state, areas: Areas::new(), total: None, stopped: false, kept: Instant::now() };
+    run.all(&rounds)?;
+    run.finish()
+}
+
+struct Job<'a> {
+    scene: &'a Scene,
+    camera: &'a Camera,
+    request: &'a RenderRequest,
+    plan: &'a RenderPlan,
+    observer: &'a dyn Observer,
+}
+
+impl Job<'_> {
+    fn film(&self) -> Result<Film, FilmError> {
+        let RenderRequest { width, height, crop, layers, .. } = *self.request;
+        Film::new(width, height, crop, layers)
+    }
+
+    /// How maps are read in a round whose discs have this share of the first's area.
+    fn reading(&self, area: f64) -> PhotonMapSettings {
+        let settings = &self.request.settings;
+        let reading = settings.photon_map_settings(self.scene);
+        let (narrowing, caustic_nearest) = Narrowing::by_area(area, settings.caustic_nearest);
+        PhotonMapSettings {
+            caustic_nearest,
+            narrowing: Some(narrowing),
+            approximate_weight: settings.approximate_weight * area as f32,
+            ..reading
+        }
+    }
+
+    /// One round; `None` where it was stopped.
+    fn round(&self, round: u64, area: f64) -> Result<Option<(Film, PassOne, PassTwoReport)>, RenderError> {
+        let asked = &self.request.settings;
+        // Bins of fixed size would keep their bias, and samples shared out anew in each round their numbers.
+        let settings = Settings {
+            seed: law::photon_seed(asked.seed, round),
+            illumination_maps: false,
+            adaptive: false,
+            ..asked.clone()
+        };
+        let observer = RoundObserver { inner: self.observer, is_first: round == 0 };
+        let pass_one = build_maps(self.scene, self.plan, &settings, &observer)?;
+        if pass_one.cancelled {
+            return Ok(None);
+        }
+        let mut film = self.film()?;
+        let pass_two = PassTwo {
+            scene: self.scene,
+            camera: self.camera,
+            request: self.request,
+            settings: &settings,
+            plan: self.plan,
+            maps: &pass_one.maps,
+            reading: self.reading(area),
+            samples: law::camera_samples(asked.seed, round, asked.spp),
+            observer: &observer,
+        };
+        let report = pass_two.run(&mut film)?.filter(|report| report.finished);
+        Ok(report.map(|report| (film, pass_one, report)))
+    }
+}
+
+/// What a round is watched by: no progress of its own, and no part of a round is left out for want of time.
+struct RoundObserver<'a> {
+    inner: &'a dyn Observer,
+    is_first: bool,
+}
+
+impl Observer for RoundObserver<'_> {
+    fn begin(&self, _step: &str, _total: u64) {}
+
+    fn advance(&self, _done: u64) {}
+
+    fn should_stop(&self) -> bool {
+        // What is left of the first round is no picture.
+        if self.is_first { self.inner.is_cancelled() } else { self.inner.should_stop() }
+    }
+}
+
+struct Run<'a> {
+    job: Job<'a>,
+    state: Checkpoint,
+    areas: Areas,
+    /// Of the rounds of this run.
+    total: Option<Statistics>,
+    stopped: bool,
+    /// When the state was last written.
+    kept: Instant,
+}
+
+impl Run<'_> {
+    fn all(&mut self, rounds: &Rounds) -> Result<(), RenderError> {
+        let settings = &self.job.request.settings;
+        let wanted = settings.rounds.unwrap_or(u64::MAX);
+        let start = Instant::now();
+        self.announce(wanted);
+        while self.state.header.statistics.done < wanted && !self.has_reached() {
+            let done = self.state.header.statistics.done;
+            let in_this_run = done - self.state.header.statistics.resumed;
+            if done > 0 && (self.job.observer.should_stop() || self.is_too_late(start, in_this_run)) {
+                self.stopped = true;
+                break;
+            }
+            let begun = Instant::now();
+            let area = self.areas.at(done);
+            let Some((film, pass_one, report)) = self.job.round(done, area)? else {
+                self.stopped = true;
+                break;
+            };
+            self.state.halves[(done % 2) as usize].add(&film)?;
+            self.count(pass_one, report);
+            let statistics = &mut self.state.header.statistics;
+            (statistics.done, statistics.area) = (done + 1, area);
+            statistics.seconds += begun.elapsed().as_secs_f64();
+            self.evaluate(wanted);
+            if let Some(path) = &rounds.checkpoint
+                && self.kept.elapsed() >= KEPT_EVERY
+            {
+                self.state.write(path)?;
+                self.kept = Instant::now();
+            }
+        }
+        match &rounds.checkpoint {
+            Some(path) if self.state.header.statistics.done > 0 => Ok(self.state.write(path)?),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether a round like those before would end after the deadline.
+    fn is_too_late(&self, start: Instant, rounds: u64) -> bool {
+        let Some(deadline) = self.job.observer.deadline() else { return false };
+        let mean = start.elapsed().as_secs_f64() / rounds.max(1) as f64;
+        let mean = if rounds == 0 { Duration::ZERO } else { Duration::from_secs_f64(mean) };
+        Instant::now().checked_add(mean).is_none_or(|end| end > deadline)
+    }
+
+    fn has_reached(&self) -> bool {
+        let RoundStatistics { done, error, target_error, .. } = &self.state.header.statistics;
+        // Of equal halves, whose estimates are the most certain.
+        let is_known = *done >= FEWEST_ROUNDS && done % 2 == 0;
+        matches!((error, target_error), (Some(error), &Some(target)) if is_known && error.error <= target)
+    }
+
+    fn evaluate(&mut self, wanted: u64) {
+        let statistics = &mut self.state.header.statistics;
+        let done = statistics.done;
+        if done.is_power_of_two() || done == wanted || statistics.target_error.is_some() && done % 2 == 0 {
+            statistics.error = error_of_halves(&self.state.halves, [done.div_ceil(2), done / 2]);
+        }
+        if done.is_power_of_two() {
+            statistics.history.extend(statistics.error);
+            self.announce(wanted);
+        }
+        let shown = if wanted == u64::MAX { done.next_power_of_two() } else { wanted };
+        self.job.observer.advance(done.min(shown));
+    }
+
+    fn announce(&self, wanted: u64) {
+        let RoundStatistics { done, error, .. } = &self.state.header.statistics;
+        let shown = if wanted == u64::MAX { (done + 1).next_power_of_two() } else { wanted };
+        let step = match error {
+            Some(error) => format!("rounds, error {:.2} %", 100.0 * error.error),
+            None => "rounds".to_owned(),
+        };
+        self.job.observer.begin(&step, shown);
+        self.job.observer.advance((*done).min(shown));
+    }
+
+    fn count(&mut self, pass_one: PassOne, report: PassTwoReport) {
+        let Header { statistics: rounds, counters, .. } = &mut self.state.header;
+        for map in &pass_one.statistics {
+            rounds.photons_emitted += map.emitted;
+            rounds.photons_stored += map.photons;
+        }
+        *counters += report.counters;
+        let settings = &self.job.request.settings;
+        let this = statistics(self.job.scene, settings, self.job.plan.clone(), pass_one);
+        match &mut self.total {
+            None => self.total = Some(this),
+            Some(total) => total.follow(this),
+        }
+        if let Some(total) = &mut self.total {
+            total.take(report);
+        }
+    }
+
+    fn finish(self) -> Result<Rendered, RenderError> {
+        let Self { job, state, total, stopped, .. } = self;
+        let Checkpoint { header, halves } = state;
+        let done = header.statistics.done;
+        let settings = &job.request.settings;
+        let mut numbers =
+            total.unwrap_or_else(|| statistics(job.scene, settings, job.plan.clone(), PassOne::default()));
+        let mut rounds = header.statistics;
+        rounds.error = error_of_halves(&halves, [done.div_ceil(2), done / 2]);
+        let [mut film, odd] = halves;
+        film.add(&odd)?;
+        numbers.counters = header.counters;
+        numbers.complete(&film, job.scene);
+        warn(&mut numbers, &rounds, settings);
+        numbers.rounds = Some(rounds);
+        let stopped = match (stopped, done) {
+            (false, _) => None,
+            (true, 0) => Some(Stop::BeforePixels),
+            (true, _) => Some(Stop::DuringPixels),
+        };
+        Ok(Rendered { film, statistics: numbers, stopped })
+    }
+}
+
+impl Statistics {
+    /// Adds a later round: times and what shadow photons took; of maps it has the last.
+    fn follow(&mut self, later: Self) {
+        self.times.photons += later.times.photons;
+        self.seconds_shadows += later.seconds_shadows;
+        for (light, added) in self.shadows.iter_mut().zip(&later.shadows) {
+            light.rays += added.rays;
+            light.missed += added.missed;
+            light.crossings += added.crossings;
+            light.merged += added.merged;
+            light.dropped += added.dropped;
+        }
+        (self.maps, self.irradiance_bytes, self.guide_bytes) =
+            (later.maps, later.irradiance_bytes, later.guide_bytes);
+        // The same with other numbers is no news.
+        let words = |text: &str| text.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
+        for warning in later.warnings {
+            if !self.warnings.iter().any(|known| words(known) == words(&warning)) {
+                self.warnings.push(warning);
+            }
+        }
+    }
+}
+
+fn warn(numbers: &mut Statistics, rounds: &RoundStatistics, settings: &Settings) {
+    let mut warnings = Vec::new();
+    if let (Some(target), Some(error)) = (rounds.target_error, &rounds.error)
+        && error.error > target
+    {
+        warnings.push(format!(
+            "the error is estimated at {:.4} after {} rounds, and not down to {target}",
+            error.error, rounds.done
+        ));
+    }
+    if numbers.plan.irradiance_cache.build {
+        warnings.push(
+            "the irradiance cache keeps its error however many rounds there are; leave it out for pictures that converge"
+                .to_owned(),
+        );
+    }
+    if numbers.plan.shadow_photons.build {
+        warnings.push(
+            "decisions by shadow photons keep their error however many rounds there are; leave them out for pictures that \
+             converge"
+                .to_owned(),
+        );
+    }
+    if settings.estimator == crate::photons::Estimator::AsPrinted {
+        warnings.push(
+            "the bias of formulas as printed grows as rounds narrow; choose the corrected estimator for pictures that \
+             converge"
+                .to_owned(),
+        );
+    }
+    numbers.warnings.extend(warnings);
+}
