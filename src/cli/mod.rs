@@ -3,6 +3,7 @@
 mod bench_bvh;
 mod compare;
 mod info;
+mod photons;
 mod picture;
 mod progress;
 mod render;
@@ -30,6 +31,7 @@ struct Cli {
 #[derive(Subcommand, Debug)]
 enum Command {
     Render(render::RenderArgs),
+    Photons(photons::PhotonsArgs),
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
     Bench(bench_bvh::BenchArgs),
@@ -39,6 +41,7 @@ enum Command {
 pub(crate) fn run() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Photons(args) => photons::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench_bvh::run(&args),

@@ -6,7 +6,8 @@ use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
 use cardioid::film::{Developed, LayerSet, PixelRect, ToneCurve, ToneMap};
 use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels};
-use cardioid::render::{RenderRequest, Rendered, Settings, Statistics, Stop, render};
+use cardioid::render::{RenderRequest, Rendered, SavedMaps, Settings, Statistics, Stop, render_with_maps};
+use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -38,6 +39,12 @@ pub(crate) struct RenderArgs {
     /// Tone curve of the PNG.
     #[arg(long, value_enum, default_value_t = CurveArg::None)]
     tone: CurveArg,
+
+    /// Photons from a file that `cardioid photons` wrote, instead of traced ones: the same picture, sooner.
+    ///
+    /// Scene and photon settings must be those of the file; the camera, the picture and how maps are read may differ.
+    #[arg(long, value_name = "FILE")]
+    photon_map: Option<PathBuf>,
 
     /// Leave out albedo, normal, depth and ids from the EXR.
     #[arg(long)]
@@ -90,6 +97,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     let outputs = Outputs::new(args)?;
     let console = Console::new(args.quiet, args.time_limit);
     pool.install(|| {
+        // First of all: a damaged file is told before a scene is built.
+        let saved = args.photon_map.as_deref().map(SavedMaps::read).transpose()?;
         console.busy("reading and building the scene");
         let loaded = load(&args.scene, &|| console.finish());
         // Where it was not even read.
@@ -99,7 +108,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
-        let rendered = render(&loaded.built.scene, &loaded.built.camera, &request, &console);
+        if let Some(saved) = &saved {
+            let hash = photon_content_hash(&loaded.description).context("cannot hash the scene")?;
+            saved.check(&hash, &request.settings, &request.settings.plan(&loaded.built.scene))?;
+        }
+        let Loaded { built, .. } = &loaded;
+        let rendered = render_with_maps(&built.scene, &built.camera, &request, saved, &console);
         console.finish();
         let Rendered { film, mut statistics, stopped } = rendered?;
         statistics.times.scene = seconds_scene;
@@ -188,7 +202,8 @@ impl Outputs {
         let files: Vec<&Path> = pictures.into_iter().chain([args.stats.as_deref()]).flatten().collect();
         for (i, file) in files.iter().enumerate() {
             image_io::check_writable(file)?;
-            let others = files[..i].iter().copied().chain([args.scene.scene.as_path()]);
+            let read = [Some(args.scene.scene.as_path()), args.photon_map.as_deref()];
+            let others = files[..i].iter().copied().chain(read.into_iter().flatten());
             if let Some(other) = others.into_iter().find(|other| image_io::is_same_file(file, other)) {
                 bail!("{} would overwrite {}; give it another name", file.display(), other.display());
             }
@@ -291,8 +306,9 @@ fn summary(
     for map in &statistics.maps {
         let name = serde_json::to_value(map.map).ok().and_then(|v| v.as_str().map(str::to_owned));
         eprintln!(
-            "{} map: {} photons of {} emitted, {:.1} MB, {:.2} s",
+            "{} map{}: {} photons of {} emitted, {:.1} MB, {:.2} s",
             name.unwrap_or_default(),
+            if map.from_file { " from the file" } else { "" },
             map.photons,
             map.emitted,
             map.bytes as f64 / 1e6,

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeSet;
 use std::ffi::CString;
-use std::io::Write;
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::atomic::{check, destination, write_atomically};
@@ -34,6 +35,23 @@ pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<(), ImageError> 
     let path = path.as_ref();
     write_atomically(path, |mut file| file.write_all(text.as_bytes()))
         .map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
+}
+
+/// Writes a file of any kind through `fill`.
+///
+/// # Errors
+/// [`ImageError::Write`] where the system or `fill` refuses. The file that was there before, if any, is then still there.
+pub fn write_bytes(
+    path: impl AsRef<Path>,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    write_atomically(path, |file| {
+        let mut buffer = BufWriter::with_capacity(1 << 18, file);
+        fill(&mut buffer)?;
+        buffer.flush()
+    })
+    .map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
 }
 
 /// Writes an EXR: 32-bit float, losslessly compressed (ZIP), all layers in one part.

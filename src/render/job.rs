@@ -1,8 +1,9 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
-use super::maps::{PassOne, build_maps, is_worth_a_warning};
+use super::maps::{PassOne, build_maps_from, is_worth_a_warning};
 use super::memory::MemoryError;
 use super::observer::Observer;
+use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
 use super::stats::{CacheStatistics, Statistics, Times};
 use crate::camera::Camera;
@@ -91,6 +92,21 @@ pub fn render(
     request: &RenderRequest,
     observer: &dyn Observer,
 ) -> Result<Rendered, RenderError> {
+    render_with_maps(scene, camera, request, None, observer)
+}
+
+/// [`render`], with the photons of `saved`, which must have been checked to be those of this scene and these settings
+/// ([`SavedMaps::check`]), in place of traced ones: the same picture to the bit.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_with_maps(
+    scene: &Scene,
+    camera: &Camera,
+    request: &RenderRequest,
+    saved: Option<SavedMaps>,
+    observer: &dyn Observer,
+) -> Result<Rendered, RenderError> {
     let settings = &request.settings;
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
@@ -98,7 +114,7 @@ pub fn render(
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
-    let pass_one = build_maps(scene, &plan, settings, observer)?;
+    let pass_one = build_maps_from(scene, &plan, settings, saved, observer)?;
     if pass_one.cancelled {
         let statistics = statistics(scene, settings, plan, pass_one);
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
@@ -201,6 +217,7 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
         guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
+        photon_map_file: pass_one.file,
         cache: None,
         shadows: pass_one.shadows,
         seconds_shadows: pass_one.seconds_shadows,

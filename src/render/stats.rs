@@ -1,6 +1,6 @@
 use crate::integrators::{Counters, ShadowCounters};
 use crate::scene::{MapKind, RenderPlan};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Seconds by step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -16,7 +16,7 @@ pub struct Times {
 }
 
 /// What became of the photons of one light. Fluxes in watts, per channel.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhotonStatistics {
     /// Number of the light.
     pub light: u32,
@@ -43,12 +43,15 @@ pub struct PhotonStatistics {
 }
 
 /// One photon map.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapStatistics {
     /// Which map.
     pub map: MapKind,
     /// Photons asked for.
     pub asked: u64,
+    /// Whether its photons were read from a file; the counts of the photons are then those of when they were traced.
+    #[serde(default)]
+    pub from_file: bool,
     /// Whether tracing was stopped before all photons were emitted.
     pub stopped: bool,
     /// Photons stored.
@@ -63,6 +66,19 @@ pub struct MapStatistics {
     pub seconds_building: f64,
     /// By light.
     pub lights: Vec<PhotonStatistics>,
+}
+
+/// A file that photons were read from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhotonMapFile {
+    /// Its name.
+    pub file: String,
+    /// Bytes of it.
+    pub bytes: u64,
+    /// Seconds to read it, before `photons` of the times.
+    pub seconds_reading: f64,
+    /// Whether precomputed irradiance was taken from it too.
+    pub irradiance: bool,
 }
 
 /// The irradiance cache.
@@ -123,6 +139,8 @@ pub struct Statistics {
     pub samples: u64,
     /// Photon maps.
     pub maps: Vec<MapStatistics>,
+    /// The file that they were read from; none where photons were traced.
+    pub photon_map_file: Option<PhotonMapFile>,
     /// Shadow photons, by light; empty where they are not used.
     pub shadows: Vec<ShadowStatistics>,
     /// Seconds to trace and sort them.

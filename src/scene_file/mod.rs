@@ -19,7 +19,7 @@ mod stl;
 pub use build::{BuildError, BuildProblem, BuiltScene, build_scene};
 pub use description::*;
 pub use diagnostic::{Diagnostic, SceneFileError};
-pub use hash::content_hash;
+pub use hash::{content_hash, photon_content_hash};
 pub use mesh_file::{MeshFileError, MeshPlace, read_mesh_file};
 pub use mesh_scene::{MESH_EXTENSIONS, MESH_SCENE_NAME, is_mesh_file, mesh_scene};
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};
