@@ -46,10 +46,18 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
     let console = Console::new(args.quiet, None);
     pool.install(|| {
         console.busy("reading and building the scene");
-        let loaded = load(&args.scene, &|| console.finish());
+        let loaded = load(&args.scene, &console, &|| console.finish());
         console.finish();
-        let Loaded { description, built, .. } = loaded?;
+        if let (Err(_), Some(code)) = (&loaded, interrupted()) {
+            eprintln!("stopped while the scene was read and built: no file was written");
+            return Ok(ExitCode::from(code));
+        }
+        let Loaded { description, built, estimate, .. } = loaded?;
         let settings = Settings::from(&args.settings.over(&description.render));
+        // Without a limit, what is free decides before photons are traced.
+        if let Some(limit) = args.scene.memory_limit {
+            estimate.with_photons(&settings, &settings.plan(&built.scene)).check(Some(limit))?;
+        }
         let (pass, plan) = trace_photon_maps(&built.scene, &settings, &console)?;
         console.finish();
         for warning in &pass.warnings {

@@ -9,6 +9,7 @@ use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels};
 use cardioid::render::{RenderRequest, Rendered, SavedMaps, Settings, Statistics, Stop, render_with_maps};
 use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread::{self, JoinHandle};
@@ -53,6 +54,10 @@ pub(crate) struct RenderArgs {
     /// Write statistics as JSON.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
+
+    /// Print statistics as a table: time and memory by step, rays by kind, photons by map and light, warnings.
+    #[arg(long)]
+    stats_table: bool,
 
     /// No progress bars and no summary.
     #[arg(short, long)]
@@ -100,17 +105,26 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         // First of all: a damaged file is told before a scene is built.
         let saved = args.photon_map.as_deref().map(SavedMaps::read).transpose()?;
         console.busy("reading and building the scene");
-        let loaded = load(&args.scene, &|| console.finish());
+        let loaded = load(&args.scene, &console, &|| console.finish());
         // Where it was not even read.
         console.finish();
+        if let (Err(_), Some(code)) = (&loaded, interrupted()) {
+            eprintln!("stopped while the scene was read and built: there is no picture");
+            return Ok(ExitCode::from(code));
+        }
         let loaded = loaded?;
         // Only now: Embree's threads ask the loader for something too, and would have to wait for this.
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
+        let plan = request.settings.plan(&loaded.built.scene);
+        // Without a limit, what is free decides before photons are traced.
+        if let Some(limit) = args.scene.memory_limit {
+            loaded.estimate.with_photons(&request.settings, &plan).check(Some(limit))?;
+        }
         if let Some(saved) = &saved {
             let hash = photon_content_hash(&loaded.description).context("cannot hash the scene")?;
-            saved.check(&hash, &request.settings, &request.settings.plan(&loaded.built.scene))?;
+            saved.check(&hash, &request.settings, &plan)?;
         }
         let Loaded { built, .. } = &loaded;
         let rendered = render_with_maps(&built.scene, &built.camera, &request, saved, &console);
@@ -120,6 +134,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         for warning in &statistics.warnings {
             eprintln!("warning: {warning}");
         }
+        // Those of the scene were told when it was built.
+        statistics.warnings.splice(0..0, loaded.built.warnings.iter().map(ToString::to_string));
         if let Some(failure) = image_io::library_failure() {
             return Err(failure.into());
         }
@@ -242,8 +258,11 @@ impl Outputs {
     }
 }
 
-/// Writes `--stats`, where it is asked for.
+/// Writes `--stats` and prints the table, where they are asked for.
 fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
+    if args.stats_table {
+        write!(std::io::stdout().lock(), "{}", statistics.to_table())?;
+    }
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(statistics)?;
         image_io::write_text(path, &(text + "\n"))?;

@@ -1,11 +1,11 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
 use super::maps::{PassOne, build_maps_from, is_worth_a_warning};
-use super::memory::MemoryError;
+use super::memory::{MemoryError, resident_memory};
 use super::observer::Observer;
 use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
-use super::stats::{CacheStatistics, Statistics, Times};
+use super::stats::{CacheStatistics, MemoryStatistics, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
 use crate::integrators::{
@@ -14,7 +14,7 @@ use crate::integrators::{
 };
 use crate::math::Rgb;
 use crate::sampling::SampleStream;
-use crate::scene::{IntegratorKind, RenderPlan, Scene};
+use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 use std::time::Instant;
@@ -114,9 +114,11 @@ pub fn render_with_maps(
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
+    let mut memory = scene_memory(scene);
     let pass_one = build_maps_from(scene, &plan, settings, saved, observer)?;
+    memory.photons = resident_memory();
     if pass_one.cancelled {
-        let statistics = statistics(scene, settings, plan, pass_one);
+        let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     }
     let mut start = Instant::now();
@@ -130,10 +132,11 @@ pub fn render_with_maps(
             if plan.irradiance_cache.build {
                 cache = fill_cache(&mut integrator, camera, request, observer);
                 if cache.is_none() {
-                    let statistics = statistics(scene, settings, plan, pass_one);
+                    let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
                     return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
                 }
                 seconds_cache = start.elapsed().as_secs_f64();
+                memory.cache = resident_memory();
                 start = Instant::now();
             }
             Box::new(integrator)
@@ -152,7 +155,8 @@ pub fn render_with_maps(
     let pixels = PixelPass { camera, request, sampler: &sampler, integrator: &*integrator, scene, observer };
     let (counters, shadows, finished) = pixels.run(&mut film)?;
     drop(integrator);
-    let mut statistics = statistics(scene, settings, plan, pass_one);
+    memory.pixels = resident_memory();
+    let mut statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
     statistics.times.pixels = start.elapsed().as_secs_f64();
     statistics.mean_depth = counters.depth_sum as f64 / counters.camera_rays.max(1) as f64;
     statistics.times.cache = seconds_cache;
@@ -207,13 +211,15 @@ fn fill_cache(
 
 fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: PassOne) -> Statistics {
     Statistics {
-        schema: 1,
+        schema: 2,
         scene: scene.name().to_owned(),
         settings: settings.clone(),
         plan,
         times: Times { scene: 0.0, photons: pass_one.seconds, cache: 0.0, pixels: 0.0 },
+        memory: MemoryStatistics::default(),
         threads: rayon::current_num_threads(),
         samples: 0,
+        seconds_irradiance: pass_one.seconds_irradiance,
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
         guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
@@ -226,6 +232,22 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
         mean_path_depth: 0.0,
         rejected_samples: 0,
         warnings: pass_one.warnings,
+    }
+}
+
+/// What the scene takes, and the process with it.
+fn scene_memory(scene: &Scene) -> MemoryStatistics {
+    let bytes = |geometry: &Geometry| match geometry {
+        Geometry::Mesh(mesh) => {
+            mesh.buffers.memory_bytes() + mesh.normals.as_ref().map_or(0, |normals| size_of_val(normals.as_slice()))
+        }
+        Geometry::Procedural(_) => 0,
+    };
+    MemoryStatistics {
+        meshes: scene.surfaces().iter().map(|surface| bytes(&surface.geometry) as u64).sum(),
+        hierarchy: scene.embree().device().memory_bytes(),
+        scene: resident_memory(),
+        ..MemoryStatistics::default()
     }
 }
 

@@ -48,6 +48,8 @@ pub struct PassOne {
     pub shadows: Vec<ShadowStatistics>,
     /// Seconds for those.
     pub seconds_shadows: f64,
+    /// Seconds to precompute irradiance.
+    pub seconds_irradiance: f64,
     /// Things a user should know.
     pub warnings: Vec<String>,
     /// The file that the maps are from, where they are.
@@ -206,6 +208,7 @@ impl MapBuilder<'_> {
                 self.pass.maps.irradiance = Some(precomputed);
             } else if is_wanted {
                 self.observer.begin("precomputing irradiance", 1);
+                let begun = Instant::now();
                 let reading = self.settings.photon_map_settings(self.scene);
                 let template = reading.global_query(Vec3::ZERO, Vec3::Z);
                 self.pass.maps.irradiance = Some(map.precompute_irradiance_until(
@@ -215,6 +218,7 @@ impl MapBuilder<'_> {
                     |at, normal, radius| visible_domain(self.scene, at, normal, radius),
                     &|| self.observer.is_cancelled(),
                 )?);
+                self.pass.seconds_irradiance = begun.elapsed().as_secs_f64();
                 self.observer.advance(1);
             }
             if plan.guide.build {

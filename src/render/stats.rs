@@ -15,6 +15,32 @@ pub struct Times {
     pub pixels: f64,
 }
 
+/// Bytes of the process.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Resident {
+    /// In memory at that moment.
+    pub resident: u64,
+    /// At most up to that moment.
+    pub peak: u64,
+}
+
+/// Memory by step, and what the scene takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct MemoryStatistics {
+    /// Bytes of triangles and their normals.
+    pub meshes: u64,
+    /// Bytes of Embree's hierarchies, where its memory is counted.
+    pub hierarchy: Option<u64>,
+    /// Once the scene is built; none where the system does not tell.
+    pub scene: Option<Resident>,
+    /// Once the photon maps are built.
+    pub photons: Option<Resident>,
+    /// Once the irradiance cache is filled, where there is one.
+    pub cache: Option<Resident>,
+    /// Once the picture is rendered.
+    pub pixels: Option<Resident>,
+}
+
 /// What became of the photons of one light. Fluxes in watts, per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhotonStatistics {
@@ -133,6 +159,8 @@ pub struct Statistics {
     pub plan: RenderPlan,
     /// Seconds by step.
     pub times: Times,
+    /// Bytes by step.
+    pub memory: MemoryStatistics,
     /// Threads.
     pub threads: usize,
     /// Camera samples taken per pixel; of the asked-for ones where the render was stopped.
@@ -145,6 +173,8 @@ pub struct Statistics {
     pub shadows: Vec<ShadowStatistics>,
     /// Seconds to trace and sort them.
     pub seconds_shadows: f64,
+    /// Seconds to precompute irradiance.
+    pub seconds_irradiance: f64,
     /// Bytes of precomputed irradiance.
     pub irradiance_bytes: u64,
     /// The irradiance cache, where there is one.
