@@ -25,4 +25,4 @@ pub use mesh_file::{MeshFileError, MeshPlace, MeshReading, read_mesh_file, read_
 pub use mesh_scene::{MESH_EXTENSIONS, MESH_SCENE_NAME, is_mesh_file, mesh_scene};
 pub use mesh_size::{MeshSize, mesh_sizes};
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};
-pub use stl::read_stl;
+pub use stl::{parse_stl_bytes, read_stl};

@@ -36,6 +36,14 @@ pub(super) fn read_stl_with(
     parse_stl(&read_bytes(path)?, reading).map_err(|failure| in_file(path, failure))
 }
 
+/// Parses the bytes of an STL file; `path` is only for messages.
+///
+/// # Errors
+/// As [`read_stl`].
+pub fn parse_stl_bytes(bytes: &[u8], path: &Path) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
+    parse_stl(bytes, &MeshReading::ALL).map_err(|failure| in_file(path, failure))
+}
+
 /// Vertices by the bits of their place.
 #[derive(Default)]
 struct Vertices {

@@ -7,7 +7,7 @@
 
 mod mtl;
 
-pub use mtl::{MtlFinish, MtlMaterial, read_mtl};
+pub use mtl::{MtlFinish, MtlMaterial, parse_mtl_bytes, read_mtl};
 
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
 use super::mesh_file::{
@@ -56,6 +56,14 @@ pub fn read_obj(path: &Path) -> Result<ObjFile, MeshFileError> {
 /// [`read_obj`], followed by somebody who may stop it.
 pub(super) fn read_obj_with(path: &Path, reading: &MeshReading<'_>) -> Result<ObjFile, MeshFileError> {
     parse_obj(&read_bytes(path)?, reading).map_err(|failure| in_file(path, failure))
+}
+
+/// Parses the bytes of an OBJ file; `path` is only for messages.
+///
+/// # Errors
+/// As [`read_obj`].
+pub fn parse_obj_bytes(bytes: &[u8], path: &Path) -> Result<ObjFile, MeshFileError> {
+    parse_obj(bytes, &MeshReading::ALL).map_err(|failure| in_file(path, failure))
 }
 
 /// The files of materials that an OBJ names; none for other files.
