@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use cardioid::image_io::{self, PngPixels};
 use cardioid::lights::Light;
 use cardioid::photons::projection_picture;
-use cardioid::render::Settings;
+use cardioid::render::{Settings, Silent};
 use cardioid::scene::Scene;
 use clap::Args;
 use std::io::Write;
@@ -32,7 +32,7 @@ pub(crate) struct InfoArgs {
 }
 
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
-    let loaded = load(&args.scene, &|| ())?;
+    let loaded = load(&args.scene, &Silent, &|| ())?;
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
     let plan = settings.plan(scene);

@@ -4,6 +4,7 @@ mod bench_bvh;
 mod bench_caustic;
 mod compare;
 mod info;
+mod photons;
 mod picture;
 mod probe;
 mod progress;
@@ -32,6 +33,7 @@ struct Cli {
 #[derive(Subcommand, Debug)]
 enum Command {
     Render(render::RenderArgs),
+    Photons(photons::PhotonsArgs),
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
     Probe(probe::ProbeArgs),
@@ -42,6 +44,7 @@ enum Command {
 pub(crate) fn run() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Render(args) => render::run(&args),
+        Command::Photons(args) => photons::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Probe(args) => probe::run(&args),

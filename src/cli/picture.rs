@@ -3,10 +3,11 @@
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::embree::Device;
 use cardioid::film::PixelRect;
+use cardioid::render::{MemoryEstimate, Observer};
 use cardioid::scene::{Geometry, Scene};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
-    build_scene, content_hash, is_mesh_file, load_scene, mesh_scene,
+    build_scene_watched, content_hash, is_mesh_file, load_scene, mesh_scene,
 };
 use clap::Args;
 use glam::Vec3;
@@ -35,6 +36,12 @@ pub(crate) struct SceneArgs {
     /// Threads; 0 means one for each core. The picture does not depend on it.
     #[arg(long, default_value_t = 0, value_parser = threads)]
     pub(crate) threads: usize,
+
+    /// Memory that may be taken, for example 8GB: what is foreseen to take more is refused before it is read or traced.
+    ///
+    /// Without it the limit is what the machine has free.
+    #[arg(long, value_name = "BYTES", value_parser = super::settings::bytes)]
+    pub(crate) memory_limit: Option<u64>,
 }
 
 fn name_and_value(text: &str) -> Result<(String, String), String> {
@@ -79,10 +86,13 @@ pub(crate) struct Loaded {
     pub(crate) size: (u32, u32),
     /// Of everything the scene was read from.
     pub(crate) hash: String,
+    /// Memory, photons left out.
+    pub(crate) estimate: MemoryEstimate,
 }
 
-/// Reads and builds; warnings go to standard error, after `when_built` was called.
-pub(crate) fn load(args: &SceneArgs, when_built: &dyn Fn()) -> Result<Loaded> {
+/// Reads and builds; warnings go to standard error, after `when_built` was called. `observer` follows, and may stop it: the
+/// error then says nothing of interest.
+pub(crate) fn load(args: &SceneArgs, observer: &dyn Observer, when_built: &dyn Fn()) -> Result<Loaded> {
     // The messages of scene files begin with the place, so nothing is put in front of them.
     let is_mesh = is_mesh_file(&args.scene);
     if is_mesh && !args.scene.exists() {
@@ -100,8 +110,10 @@ pub(crate) fn load(args: &SceneArgs, when_built: &dyn Fn()) -> Result<Loaded> {
     let description = description.map_err(|error| anyhow!("{error}"))?;
     let FilmDescription { width, height, .. } = description.film;
     let size = args.resolution.unwrap_or((width, height));
-    let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
-    let built = build_scene(&description, &device, size);
+    let estimate = MemoryEstimate::of_scene(&description, size);
+    estimate.check(args.memory_limit)?;
+    let device = Arc::new(Device::counting_memory(args.threads).context("cannot trace rays")?);
+    let built = build_scene_watched(&description, &device, size, observer);
     when_built();
     let built = built.map_err(|error| shorter(error, is_mesh))?;
     for warning in &built.warnings {
@@ -115,7 +127,7 @@ pub(crate) fn load(args: &SceneArgs, when_built: &dyn Fn()) -> Result<Loaded> {
         eprintln!("{note}");
     }
     let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
-    Ok(Loaded { description, built, device, size, hash })
+    Ok(Loaded { description, built, device, size, hash, estimate })
 }
 
 /// Where a mesh comes alone, the place in the scene that the program puts around it says nothing.

@@ -7,10 +7,12 @@ use anyhow::{Context, Result, bail};
 use cardioid::film::{Developed, LayerSet, PixelRect, ToneCurve, ToneMap};
 use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels};
 use cardioid::render::{
-    IntegratorKind, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, Settings,
-    Statistics, Stop, render, render_in_rounds,
+    IntegratorKind, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, SavedMaps, Settings,
+    Statistics, Stop, render_in_rounds, render_with_maps,
 };
+use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread::{self, JoinHandle};
@@ -50,6 +52,12 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_enum, default_value_t = CurveArg::None)]
     tone: CurveArg,
 
+    /// Photons from a file that `cardioid photons` wrote, instead of traced ones: the same picture, sooner.
+    ///
+    /// Scene and photon settings must be those of the file; the camera, the picture and how maps are read may differ.
+    #[arg(long, value_name = "FILE")]
+    photon_map: Option<PathBuf>,
+
     /// Leave out albedo, normal, depth and ids from the EXR.
     #[arg(long)]
     beauty_only: bool,
@@ -57,6 +65,10 @@ pub(crate) struct RenderArgs {
     /// Write statistics as JSON.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
+
+    /// Print statistics as a table: time and memory by step, rays by kind, photons by map and light, warnings.
+    #[arg(long)]
+    stats_table: bool,
 
     /// No progress bars and no summary.
     #[arg(short, long)]
@@ -101,21 +113,40 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     let outputs = Outputs::new(args)?;
     let console = Console::new(args.quiet, args.time_limit);
     pool.install(|| {
+        // First of all: a damaged file is told before a scene is built.
+        let saved = args.photon_map.as_deref().map(SavedMaps::read).transpose()?;
         console.busy("reading and building the scene");
-        let loaded = load(&args.scene, &|| console.finish());
+        let loaded = load(&args.scene, &console, &|| console.finish());
         // Where it was not even read.
         console.finish();
+        if let (Err(_), Some(code)) = (&loaded, interrupted()) {
+            eprintln!("stopped while the scene was read and built: there is no picture");
+            return Ok(ExitCode::from(code));
+        }
         let loaded = loaded?;
         // Only now: Embree's threads ask the loader for something too, and would have to wait for this.
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
-        let (scene, camera) = (&loaded.built.scene, &loaded.built.camera);
+        let Loaded { built, .. } = &loaded;
+        let (scene, camera) = (&built.scene, &built.camera);
+        let plan = request.settings.plan(scene);
+        // Without a limit, what is free decides before photons are traced.
+        if let Some(limit) = args.scene.memory_limit {
+            loaded.estimate.with_photons(&request.settings, &plan).check(Some(limit))?;
+        }
+        if let Some(saved) = &saved {
+            let hash = photon_content_hash(&loaded.description).context("cannot hash the scene")?;
+            saved.check(&hash, &request.settings, &plan)?;
+        }
         let in_rounds = request.settings.integrator == IntegratorKind::Progressive;
         let rendered = if in_rounds || args.checkpoint.is_some() || args.resume.is_some() {
+            if saved.is_some() {
+                bail!("--photon-map holds the photons of one picture, and each round of a progressive one has its own");
+            }
             render_in_rounds(scene, camera, &request, &console, rounds(args, &loaded))
         } else {
-            render(scene, camera, &request, &console)
+            render_with_maps(scene, camera, &request, saved, &console)
         };
         console.finish();
         let Rendered { film, mut statistics, stopped } = rendered?;
@@ -124,6 +155,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         for warning in &statistics.warnings {
             eprintln!("warning: {warning}");
         }
+        // Those of the scene were told when it was built.
+        statistics.warnings.splice(0..0, loaded.built.warnings.iter().map(ToString::to_string));
         if let Some(failure) = image_io::library_failure() {
             return Err(failure.into());
         }
@@ -243,7 +276,8 @@ impl Outputs {
         for (i, file) in files.iter().enumerate() {
             image_io::check_writable(file)?;
             let kept = args.resume.as_deref().filter(|_| args.checkpoint.as_deref() != Some(file));
-            let others = files[..i].iter().copied().chain([args.scene.scene.as_path()]).chain(kept);
+            let read = [Some(args.scene.scene.as_path()), args.photon_map.as_deref(), kept];
+            let others = files[..i].iter().copied().chain(read.into_iter().flatten());
             if let Some(other) = others.into_iter().find(|other| image_io::is_same_file(file, other)) {
                 bail!("{} would overwrite {}; give it another name", file.display(), other.display());
             }
@@ -282,8 +316,11 @@ impl Outputs {
     }
 }
 
-/// Writes `--stats`, where it is asked for.
+/// Writes `--stats` and prints the table, where they are asked for.
 fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
+    if args.stats_table {
+        write!(std::io::stdout().lock(), "{}", statistics.to_table())?;
+    }
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(statistics)?;
         image_io::write_text(path, &(text + "\n"))?;
@@ -378,8 +415,9 @@ fn summary(
     for map in &statistics.maps {
         let name = serde_json::to_value(map.map).ok().and_then(|v| v.as_str().map(str::to_owned));
         eprintln!(
-            "{} map: {} photons of {} emitted, {:.1} MB, {:.2} s",
+            "{} map{}: {} photons of {} emitted, {:.1} MB, {:.2} s",
             name.unwrap_or_default(),
+            if map.from_file { " from the file" } else { "" },
             map.photons,
             map.emitted,
             map.bytes as f64 / 1e6,

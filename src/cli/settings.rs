@@ -242,7 +242,7 @@ fn radius(text: &str) -> Result<f64, String> {
     }
 }
 
-fn bytes(text: &str) -> Result<u64, String> {
+pub(crate) fn bytes(text: &str) -> Result<u64, String> {
     let message = || "write a number of bytes with kB, MB or GB, for example 500MB".to_owned();
     let at = text.find(|c: char| c.is_ascii_alphabetic()).ok_or_else(message)?;
     let (number, unit) = text.split_at(at);

@@ -47,6 +47,20 @@ impl Drop for Handle {
     }
 }
 
+/// Who follows a build.
+struct Watch<'a>(&'a (dyn Fn(f64) -> bool + Sync));
+
+/// Called by Embree while it builds, from any thread.
+extern "C" fn report_progress(watch: *mut c_void, share: f64) -> bool {
+    if watch.is_null() {
+        return true;
+    }
+    // SAFETY: the local of `commit_watched`, which waits for the build.
+    let watch = unsafe { &*watch.cast::<Watch<'_>>() };
+    // Nothing may unwind into the library.
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| (watch.0)(share))).unwrap_or(true)
+}
+
 /// A scene under construction.
 pub struct SceneBuilder {
     // Dropped first: Embree's geometries go before the memory they read.
@@ -176,6 +190,30 @@ impl SceneBuilder {
     pub fn commit(self) -> Result<CommittedScene, EmbreeError> {
         // SAFETY: a valid scene that only this builder knows.
         unsafe { sys::rtcCommitScene(self.handle.0) };
+        self.committed()
+    }
+
+    /// [`Self::commit`], which tells `progress` again and again, from any thread, what share is built; false stops it.
+    ///
+    /// # Errors
+    /// Where Embree runs out of memory, or was stopped.
+    pub fn commit_watched(
+        self,
+        progress: &(dyn Fn(f64) -> bool + Sync),
+    ) -> Result<CommittedScene, EmbreeError> {
+        let watch = Watch(progress);
+        let slot = std::ptr::from_ref(&watch).cast_mut().cast::<c_void>();
+        // SAFETY: a valid scene that only this builder knows; `watch` outlives the build, after which the library forgets it.
+        unsafe { sys::rtcSetSceneProgressMonitorFunction(self.handle.0, Some(report_progress), slot) };
+        let handle = self.handle.0;
+        // SAFETY: as in `commit`.
+        unsafe { sys::rtcCommitScene(handle) };
+        // SAFETY: as above.
+        unsafe { sys::rtcSetSceneProgressMonitorFunction(handle, None, std::ptr::null_mut()) };
+        self.committed()
+    }
+
+    fn committed(self) -> Result<CommittedScene, EmbreeError> {
         self.device.check("build the scene")?;
         let Self { handle, resources, panics, device, robust } = self;
         Ok(CommittedScene { handle, resources, panics, device, robust })
@@ -385,6 +423,30 @@ mod tests {
             assert!(ray.origin.x < self.limit, "on purpose");
             let t = f64::from(-ray.origin.z / ray.direction.z);
             (t > 0.0 && t <= f64::from(ray.t_max)).then_some(ObjectHit { t, normal: DVec3::Z, error: 1e-7 })
+        }
+    }
+
+    #[test]
+    fn a_build_is_followed_and_can_be_stopped() {
+        let device = Arc::new(Device::new(2).unwrap());
+        let side = 300u32;
+        let places =
+            (0..=side).flat_map(|y| (0..=side).map(move |x| [x as f32, y as f32, (x * y % 7) as f32]));
+        let corner = move |x: u32, y: u32| y * (side + 1) + x;
+        let faces = (0..side)
+            .flat_map(move |y| (0..side).map(move |x| [corner(x, y), corner(x + 1, y), corner(x, y + 1)]));
+        let buffers = TriangleBuffers::new(places.collect(), faces.collect()).unwrap();
+        for goes_on in [true, false] {
+            let mut builder = SceneBuilder::new(&device).unwrap();
+            builder.add_triangles(buffers.clone()).unwrap();
+            let calls = AtomicU64::new(0);
+            let result = builder.commit_watched(&|share| {
+                assert!((0.0..=1.5).contains(&share));
+                calls.fetch_add(1, Ordering::Relaxed);
+                goes_on
+            });
+            assert!(calls.into_inner() > 0);
+            assert_eq!(result.is_ok(), goes_on, "{result:?}");
         }
     }
 

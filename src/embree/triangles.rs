@@ -1,3 +1,4 @@
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Why a triangle buffer was refused.
@@ -36,11 +37,9 @@ impl TriangleBuffers {
         if let Some(count) = [vertices, triangles.len()].into_iter().find(|&n| n >= u32::MAX as usize) {
             return Err(TriangleError::TooMany(count));
         }
-        if let Some((triangle, index)) = triangles
-            .iter()
-            .enumerate()
-            .find_map(|(i, t)| t.iter().find(|&&v| v as usize >= vertices).map(|&v| (i, v)))
-        {
+        let wrong = |t: &[u32; 3]| t.iter().copied().find(|&v| v as usize >= vertices);
+        let first = triangles.par_iter().with_min_len(1 << 16).position_first(|t| wrong(t).is_some());
+        if let Some((triangle, index)) = first.and_then(|i| Some((i, wrong(&triangles[i])?))) {
             return Err(TriangleError::IndexOutOfRange { triangle, index, vertices });
         }
         // Embree loads 16 bytes at the last vertex.

@@ -1,7 +1,7 @@
 //! Picture files: EXR with many layers, PNG, and whatever OpenImageIO reads.
 //!
-//! [`write_exr`], [`write_png`] and [`write_text`] are atomic: what is written goes to a temporary file in the same folder, which takes the
-//! final name only when it is complete and on the disk. Whatever fails or is interrupted on the way, the final name holds
+//! [`write_exr`], [`write_png`], [`write_text`] and [`write_bytes`] are atomic: what is written goes to a temporary file in the same
+//! folder, which takes the final name only when it is complete and on the disk. Whatever fails or is interrupted on the way, the final name holds
 //! either the whole new picture or what was there before, and the temporary file is removed. (A process that is killed
 //! outright, by `SIGKILL` or a power cut, cannot remove it: `.NAME.*.tmp` is then left, and means nothing to anybody.)
 //!
@@ -20,7 +20,9 @@ pub use error::ImageError;
 pub use image::{Image, Layer, MetadataValue};
 pub use oiio::{library_failure, library_version, load_library};
 pub use read::{DEFAULT_LIMIT, read, read_with_limit};
-pub use write::{PngPixels, check_writable, is_same_file, write_exr, write_png, write_text, write_with};
+pub use write::{
+    PngPixels, check_writable, is_same_file, write_bytes, write_exr, write_png, write_text, write_with,
+};
 
 /// Whether an attribute says how a file is stored, not what is in it: such are orders to OpenImageIO when writing, and what it
 /// found out when reading.

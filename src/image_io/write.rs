@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::ffi::CString;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use super::atomic::{check, destination, write_atomically};
@@ -47,6 +47,23 @@ pub fn write_with(
 ) -> Result<(), ImageError> {
     let path = path.as_ref();
     write_atomically(path, fill).map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
+}
+
+/// [`write_with`], through a buffer.
+///
+/// # Errors
+/// [`ImageError::Write`] where the system or `fill` refuses. The file that was there before, if any, is then still there.
+pub fn write_bytes(
+    path: impl AsRef<Path>,
+    fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), ImageError> {
+    let path = path.as_ref();
+    write_atomically(path, |file| {
+        let mut buffer = BufWriter::with_capacity(1 << 18, file);
+        fill(&mut buffer)?;
+        buffer.flush()
+    })
+    .map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
 }
 
 /// Writes an EXR: 32-bit float, losslessly compressed (ZIP), all layers in one part.

@@ -24,8 +24,12 @@ pub struct IrradianceMap {
     values: Vec<(Rgbe, f32)>,
 }
 
+/// Bytes of a point in a file: position, irradiance, reach, normal, little-endian.
+pub(super) const IRRADIANCE_RECORD: usize = 22;
+
+/// A place and its irradiance, before there is a tree.
 #[derive(Clone, Copy)]
-struct IrradiancePoint {
+pub(super) struct IrradiancePoint {
     position: Vec3,
     irradiance: Rgbe,
     reach: f32,
@@ -100,7 +104,7 @@ impl PhotonMap {
         stop: &(dyn Fn() -> bool + Sync),
     ) -> IrradianceMap {
         let stride = stride.max(1);
-        let mut points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
+        let points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
             .with_max_len(256)
             .map_init(Scratch::default, |scratch, i| {
@@ -128,12 +132,42 @@ impl PhotonMap {
                 }
             })
             .collect();
-        let tree = KdTree::build(&mut points);
-        IrradianceMap { tree, values: points.iter().map(|point| (point.irradiance, point.reach)).collect() }
+        IrradianceMap::of_points(points)
     }
 }
 
 impl IrradianceMap {
+    /// The map of these points, in whatever order.
+    pub(super) fn of_points(mut points: Vec<IrradiancePoint>) -> Self {
+        let tree = KdTree::build(&mut points);
+        Self { tree, values: points.iter().map(|point| (point.irradiance, point.reach)).collect() }
+    }
+
+    /// Point `index`, in the map's own order, as files hold it.
+    pub(super) fn record(&self, index: usize) -> [u8; IRRADIANCE_RECORD] {
+        let (irradiance, reach) = self.values[index];
+        let mut bytes = [0; IRRADIANCE_RECORD];
+        let coordinates = self.tree.position(index).to_array();
+        coordinates
+            .iter()
+            .enumerate()
+            .for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
+        bytes[12..16].copy_from_slice(&irradiance.0);
+        bytes[16..20].copy_from_slice(&reach.to_le_bytes());
+        bytes[20..].copy_from_slice(&self.tree.tag(index).to_le_bytes());
+        bytes
+    }
+
+    /// The point of these bytes; `None` where no point has them.
+    pub(super) fn point(bytes: [u8; IRRADIANCE_RECORD]) -> Option<IrradiancePoint> {
+        let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
+        let position = Vec3::from_array([0, 4, 8].map(|at| f32::from_le_bytes(word(at))));
+        let reach = f32::from_le_bytes(word(16));
+        let normal = u16::from_le_bytes([bytes[20], bytes[21]]);
+        let is_sound = position.is_finite() && reach >= 0.0;
+        is_sound.then_some(IrradiancePoint { position, irradiance: Rgbe(word(12)), reach, normal })
+    }
+
     /// Count of points.
     pub fn len(&self) -> usize {
         self.tree.len()

@@ -6,6 +6,7 @@ mod direction_bins;
 mod domain;
 mod emission;
 mod estimate;
+mod file;
 mod guide;
 mod heading_map;
 mod illumination;
@@ -25,6 +26,10 @@ mod trace;
 pub use domain::{FEELERS, KernelDomain};
 pub use emission::{EmittedPhoton, Emitter};
 pub use estimate::{Estimate, EstimateParams, NARROWER};
+pub use file::{
+    PHOTON_FILE_VERSION, PhotonFile, PhotonFileError, PhotonFileProblem, SavedPhotons, read_photon_file,
+    read_photon_maps, write_photon_file,
+};
 pub use guide::{DirectionGuide, GuideLobe, GuideParams};
 pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_deposits};
 pub use irradiance::IrradianceMap;

@@ -132,6 +132,30 @@ impl Photon {
         Self { position, power: payload.power, wi: payload.wi, flags }
     }
 
+    /// As files hold it: position, power, direction, flags, little-endian.
+    pub(super) fn to_bytes(self) -> [u8; 20] {
+        let mut bytes = [0; 20];
+        let coordinates = self.position.to_array();
+        coordinates
+            .iter()
+            .enumerate()
+            .for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
+        bytes[12..16].copy_from_slice(&self.power.0);
+        bytes[16..18].copy_from_slice(&self.wi.to_le_bytes());
+        bytes[18..].copy_from_slice(&self.flags.to_le_bytes());
+        bytes
+    }
+
+    /// The photon of these bytes; `None` where no photon has them.
+    pub(super) fn from_bytes(bytes: [u8; 20]) -> Option<Self> {
+        let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
+        let position = Vec3::from_array([0, 4, 8].map(|at| f32::from_le_bytes(word(at))));
+        let flags = u16::from_le_bytes([bytes[18], bytes[19]]);
+        let is_sound = position.is_finite() && flags >> (2 * NORMAL_BITS + 2) == 0;
+        let wi = u16::from_le_bytes([bytes[16], bytes[17]]);
+        is_sound.then_some(Self { position, power: Rgbe(word(12)), wi, flags })
+    }
+
     /// All bits but the position's, as a number: orders photons at the same place.
     #[inline]
     pub(super) fn payload_bits(&self) -> u64 {

@@ -1,13 +1,14 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
 use super::adaptive::{Moments, SampleCounts, most_samples, pilot_samples};
-use super::maps::{PassOne, build_maps_seen, is_worth_a_warning};
-use super::memory::MemoryError;
+use super::maps::{PassOne, build_maps_from, is_worth_a_warning};
+use super::memory::{MemoryError, resident_memory};
 use super::observer::Observer;
 use super::pretrace::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
+use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
-use super::stats::{AdaptiveStatistics, CacheStatistics, Statistics, Times};
+use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Resident, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
 use crate::integrators::{
@@ -16,7 +17,7 @@ use crate::integrators::{
 };
 use crate::math::Rgb;
 use crate::sampling::SampleStream;
-use crate::scene::{IntegratorKind, RenderPlan, Scene};
+use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -103,6 +104,21 @@ pub fn render(
     request: &RenderRequest,
     observer: &dyn Observer,
 ) -> Result<Rendered, RenderError> {
+    render_with_maps(scene, camera, request, None, observer)
+}
+
+/// [`render`], with the photons of `saved`, which must have been checked to be those of this scene and these settings
+/// ([`SavedMaps::check`]), in place of traced ones: the same picture to the bit.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_with_maps(
+    scene: &Scene,
+    camera: &Camera,
+    request: &RenderRequest,
+    saved: Option<SavedMaps>,
+    observer: &dyn Observer,
+) -> Result<Rendered, RenderError> {
     let settings = &request.settings;
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
@@ -121,14 +137,25 @@ pub fn render(
     }
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
-    let finest = if settings.illumination_maps && scene.has_illumination_maps() {
+    let sums_up = settings.illumination_maps && scene.has_illumination_maps();
+    // A file holds the photons themselves, also of objects with illumination maps.
+    let reads = saved.is_some().then(|| Settings { illumination_maps: false, ..settings.clone() });
+    let settings = reads.as_ref().unwrap_or(settings);
+    let finest = if sums_up && saved.is_none() {
         finest_distances(scene, camera, (request.width, request.height))
     } else {
         Vec::new()
     };
-    let pass_one = build_maps_seen(scene, &plan, settings, &finest, observer)?;
+    let mut memory = scene_memory(scene);
+    let mut pass_one = build_maps_from(scene, &plan, settings, (&finest, saved), observer)?;
+    memory.photons = resident_memory();
+    if sums_up && reads.is_some() {
+        pass_one.warnings.push(
+            "with photons of a file there are no illumination maps: what has one is read from the photon maps".to_owned(),
+        );
+    }
     if pass_one.cancelled {
-        let statistics = statistics(scene, settings, plan, pass_one);
+        let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     }
     let most = if settings.adaptive { most_samples(settings.spp) } else { settings.spp };
@@ -144,11 +171,13 @@ pub fn render(
         observer,
     };
     let Some(taken) = pass_two.run(&mut film)? else {
-        let statistics = statistics(scene, settings, plan, pass_one);
+        let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     };
     let finished = taken.finished;
-    let mut statistics = statistics(scene, settings, plan, pass_one);
+    memory.cache = taken.memory_cache;
+    memory.pixels = resident_memory();
+    let mut statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
     statistics.take(taken);
     statistics.complete(&film, scene);
     Ok(Rendered { film, statistics, stopped: (!finished).then_some(Stop::DuringPixels) })
@@ -184,6 +213,7 @@ pub(super) struct PassTwoReport {
     pub(super) shadows: Vec<ShadowCounters>,
     pub(super) cache: Option<CacheStatistics>,
     pub(super) adaptive: Option<AdaptiveStatistics>,
+    pub(super) memory_cache: Option<Resident>,
     pub(super) seconds_cache: f64,
     pub(super) seconds_pixels: f64,
     /// Whether all samples were taken.
@@ -198,6 +228,7 @@ impl PassTwo<'_> {
         let mut start = Instant::now();
         let mut seconds_cache = 0.0;
         let mut cache = None;
+        let mut memory_cache = None;
         let medium = scene.medium_at(self.camera.eye());
         let integrator: Box<dyn Integrator + '_> = match settings.integrator {
             IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
@@ -208,6 +239,7 @@ impl PassTwo<'_> {
                         return Ok(None);
                     }
                     seconds_cache = start.elapsed().as_secs_f64();
+                    memory_cache = resident_memory();
                     start = Instant::now();
                 }
                 Box::new(integrator)
@@ -238,6 +270,7 @@ impl PassTwo<'_> {
             shadows,
             cache,
             adaptive,
+            memory_cache,
             seconds_cache,
             seconds_pixels,
             finished,
@@ -321,16 +354,19 @@ pub(super) fn statistics(
     pass_one: PassOne,
 ) -> Statistics {
     Statistics {
-        schema: 1,
+        schema: 2,
         scene: scene.name().to_owned(),
         settings: settings.clone(),
         plan,
         times: Times { scene: 0.0, photons: pass_one.seconds, cache: 0.0, pixels: 0.0 },
+        memory: MemoryStatistics::default(),
         threads: rayon::current_num_threads(),
         samples: 0,
+        seconds_irradiance: pass_one.seconds_irradiance,
         irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
         guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
+        photon_map_file: pass_one.file,
         cache: None,
         illumination: pass_one.illumination,
         adaptive: None,
@@ -343,6 +379,23 @@ pub(super) fn statistics(
         rounds: None,
         process: None,
         warnings: pass_one.warnings,
+    }
+}
+
+/// What the scene takes, and the process with it.
+fn scene_memory(scene: &Scene) -> MemoryStatistics {
+    let bytes = |geometry: &Geometry| match geometry {
+        Geometry::Mesh(mesh) => {
+            mesh.buffers.memory_bytes()
+                + mesh.normals.as_ref().map_or(0, |normals| size_of_val(normals.as_slice()))
+        }
+        Geometry::Procedural(_) => 0,
+    };
+    MemoryStatistics {
+        meshes: scene.surfaces().iter().map(|surface| bytes(&surface.geometry) as u64).sum(),
+        hierarchy: scene.embree().device().memory_bytes(),
+        scene: resident_memory(),
+        ..MemoryStatistics::default()
     }
 }
 

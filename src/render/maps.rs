@@ -2,8 +2,11 @@
 
 use super::memory::{MemoryError, PhotonCounts};
 use super::observer::Observer;
+use super::saved::SavedMaps;
 use super::settings::{IntegratorKind, Settings, ShadowMode};
-use super::stats::{IlluminationStatistics, MapStatistics, PhotonStatistics, ShadowStatistics};
+use super::stats::{
+    IlluminationStatistics, MapStatistics, PhotonMapFile, PhotonStatistics, ShadowStatistics,
+};
 use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
 use crate::lights::LightId;
 use crate::photons::{
@@ -50,8 +53,12 @@ pub struct PassOne {
     pub shadows: Vec<ShadowStatistics>,
     /// Seconds for those.
     pub seconds_shadows: f64,
+    /// Seconds to precompute irradiance.
+    pub seconds_irradiance: f64,
     /// Things a user should know.
     pub warnings: Vec<String>,
+    /// The file that the maps are from, where they are.
+    pub file: Option<PhotonMapFile>,
     /// Whether the observer asked to stop: some maps are then missing.
     pub cancelled: bool,
     /// Seconds.
@@ -125,7 +132,7 @@ pub fn build_maps(
     settings: &Settings,
     observer: &dyn Observer,
 ) -> Result<PassOne, MemoryError> {
-    build_maps_seen(scene, plan, settings, &[], observer)
+    build_maps_from(scene, plan, settings, (&[], None), observer)
 }
 
 /// [`build_maps`] for a picture: `finest` is what a pretrace found ([`super::finest_distances`]), for the resolution of illumination maps.
@@ -139,13 +146,26 @@ pub fn build_maps_seen(
     finest: &[f32],
     observer: &dyn Observer,
 ) -> Result<PassOne, MemoryError> {
+    build_maps_from(scene, plan, settings, (finest, None), observer)
+}
+
+/// [`build_maps_seen`], with the photons of a file in place of traced ones, where there is one: it has been checked that they
+/// are the same.
+pub(super) fn build_maps_from(
+    scene: &Scene,
+    plan: &RenderPlan,
+    settings: &Settings,
+    (finest, saved): (&[f32], Option<SavedMaps>),
+    observer: &dyn Observer,
+) -> Result<PassOne, MemoryError> {
     let start = Instant::now();
     let counts = PhotonCounts::of(settings, plan);
     counts.check(settings, plan)?;
-    let mut pass = PassOne::default();
+    let mut pass = PassOne { file: saved.as_ref().map(SavedMaps::statistics), ..PassOne::default() };
+    pass.warnings.extend(saved.iter().flat_map(SavedMaps::warnings).cloned());
     let limit = observer.deadline().map(|end| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE));
     let deposits = Default::default();
-    let mut builder = MapBuilder { scene, settings, observer, finest, deposits, pass: &mut pass };
+    let mut builder = MapBuilder { scene, settings, saved, observer, finest, deposits, pass: &mut pass };
     let done = builder.build_all(plan, counts, limit);
     pass.cancelled = done.is_none();
     pass.seconds = start.elapsed().as_secs_f64();
@@ -194,6 +214,7 @@ fn build_shadows(scene: &Scene, settings: &Settings, observer: &dyn Observer, pa
 struct MapBuilder<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
+    saved: Option<SavedMaps>,
     observer: &'a dyn Observer,
     finest: &'a [f32],
     /// Photons of the global and of the caustic pass for illumination maps, and the count emitted; `None` before the pass.
@@ -209,8 +230,15 @@ impl MapBuilder<'_> {
             let share = if plan.caustic_map.build { 0.5 } else { 1.0 };
             let end = limit.map(|limit| start + limit.mul_f64(share));
             let map = self.build(MapKind::Global, counts, end)?;
-            if plan.final_gather.build && self.settings.precomputed_irradiance && !map.is_empty() {
+            let precomputed = self.saved.as_mut().and_then(|saved| saved.take_irradiance(self.settings));
+            let is_wanted =
+                plan.final_gather.build && self.settings.precomputed_irradiance && !map.is_empty();
+            if let (true, Some(precomputed)) = (is_wanted, precomputed) {
+                self.pass.file.iter_mut().for_each(|file| file.irradiance = true);
+                self.pass.maps.irradiance = Some(precomputed);
+            } else if is_wanted {
                 self.observer.begin("precomputing irradiance", 1);
+                let begun = Instant::now();
                 let reading = self.settings.photon_map_settings(self.scene);
                 let template = reading.global_query(Vec3::ZERO, Vec3::Z);
                 self.pass.maps.irradiance = Some(map.precompute_irradiance_until(
@@ -220,6 +248,7 @@ impl MapBuilder<'_> {
                     |at, normal, radius| visible_domain(self.scene, at, normal, radius),
                     &|| self.observer.is_cancelled(),
                 )?);
+                self.pass.seconds_irradiance = begun.elapsed().as_secs_f64();
                 self.observer.advance(1);
             }
             if plan.guide.build {
@@ -273,6 +302,12 @@ impl MapBuilder<'_> {
             MapKind::Caustic => "caustic",
         };
         let (scene, observer) = (self.scene, self.observer);
+        if let Some(saved) = &mut self.saved {
+            observer.begin(&format!("building the {name} map"), 1);
+            let (map, statistics) = saved.take(kind, &|| observer.is_cancelled())?;
+            self.pass.statistics.extend(statistics);
+            return Some(map);
+        }
         observer.begin(&format!("tracing {name} photons"), wanted);
         let trace = TraceSettings {
             kind,
@@ -290,6 +325,7 @@ impl MapBuilder<'_> {
         let statistics = MapStatistics {
             map: kind,
             asked: wanted,
+            from_file: false,
             stopped: traced.stopped,
             photons: traced.photons.len() as u64,
             emitted: traced.emitted,

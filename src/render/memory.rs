@@ -1,6 +1,8 @@
 //! What photon maps take of the machine's memory, found out before any photon is traced.
 
+use super::estimate::{MemoryEstimate, megabytes};
 use super::settings::Settings;
+use super::stats::Resident;
 use crate::scene::{MapKind, RenderPlan};
 use serde::Serialize;
 
@@ -57,16 +59,42 @@ pub enum MemoryError {
         /// Bytes that are free.
         available: u64,
     },
+    /// With everything else.
+    #[error(
+        "{:.1} million triangles, photons and the picture take {} at the worst moment (meshes {}, Embree's hierarchy {} and {} more          while it is built, photon maps {}, the picture {}), and {} {}; {}",
+        estimate.triangles as f64 / 1e6,
+        megabytes(estimate.peak()),
+        megabytes(estimate.meshes),
+        megabytes(estimate.hierarchy),
+        megabytes(estimate.building),
+        megabytes(estimate.photons + estimate.tracing),
+        megabytes(estimate.film),
+        megabytes(*most),
+        if *is_limit { "are allowed by --memory-limit" } else { "are available" },
+        if *is_limit {
+            "raise the limit, or render a smaller mesh, a smaller picture or fewer photons"
+        } else {
+            "render a smaller mesh, a smaller picture or fewer photons, or set --memory-limit if you know better"
+        },
+    )]
+    Scene {
+        /// What takes how much.
+        estimate: MemoryEstimate,
+        /// Bytes that it may take.
+        most: u64,
+        /// Whether somebody set them, or the machine has no more.
+        is_limit: bool,
+    },
 }
 
 /// Bytes of finished maps.
-fn finished(counts: PhotonCounts, irradiance: bool) -> f64 {
+pub(super) fn finished(counts: PhotonCounts, irradiance: bool) -> f64 {
     let global = MAP_BYTES + if irradiance { IRRADIANCE_BYTES } else { 0.0 };
     counts.global as f64 * global + counts.caustic as f64 * MAP_BYTES
 }
 
 /// Bytes at the worst moment: the global map is built first and kept while the caustic map is.
-fn at_worst(counts: PhotonCounts, irradiance: bool) -> f64 {
+pub(super) fn at_worst(counts: PhotonCounts, irradiance: bool) -> f64 {
     let before = finished(PhotonCounts { caustic: 0, ..counts }, irradiance);
     (counts.global as f64 * BUILD_BYTES).max(before + counts.caustic as f64 * BUILD_BYTES)
 }
@@ -126,7 +154,7 @@ impl PhotonCounts {
 
 /// Bytes that the system would give without swapping: what Linux calls available, or less where the process is in a
 /// control group with a limit. `None` where the system does not tell.
-fn available_memory() -> Option<u64> {
+pub(super) fn available_memory() -> Option<u64> {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let system = read("/proc/meminfo").and_then(|text| kilobytes(&text, "MemAvailable:"))?;
     let number = |path: &str| read(path)?.trim().parse::<u64>().ok();
@@ -134,6 +162,12 @@ fn available_memory() -> Option<u64> {
         .zip(number("/sys/fs/cgroup/memory.current"))
         .map(|(limit, used)| limit.saturating_sub(used));
     Some(group.map_or(system, |group| group.min(system)))
+}
+
+/// Bytes of this process in memory: now, and at most so far. `None` where the system does not tell.
+pub(super) fn resident_memory() -> Option<Resident> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    Some(Resident { resident: kilobytes(&text, "VmRSS:")?, peak: kilobytes(&text, "VmHWM:")? })
 }
 
 /// The number of bytes on the line of `/proc/meminfo` that begins with `key`.
@@ -178,6 +212,16 @@ mod tests {
         let beyond = PhotonCounts { global: 1 << 40, caustic: 0 };
         let refused = beyond.check_against(false, None).unwrap_err().to_string();
         assert!(refused.contains("1099511627776 photons in the global map"), "{refused}");
+    }
+
+    #[test]
+    fn this_process_is_in_memory() {
+        let held = vec![1u8; 50_000_000];
+        let Some(found) = resident_memory() else {
+            println!("skipped: the system does not tell");
+            return;
+        };
+        assert!(found.resident > held.len() as u64 && found.peak >= found.resident, "{found:?}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Jobs: settings, passes, tiles, progress, statistics.
 
 mod adaptive;
+mod estimate;
 mod job;
 mod maps;
 mod memory;
@@ -8,11 +9,14 @@ mod observer;
 mod pretrace;
 mod probe;
 mod progressive;
+mod saved;
 mod settings;
 mod stats;
+mod table;
 
 pub use adaptive::SampleCounts;
-pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
+pub use estimate::MemoryEstimate;
+pub use job::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
 pub use maps::{MapReport, PassOne, build_maps, build_maps_seen};
 pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
@@ -21,8 +25,9 @@ pub use probe::{ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface,
 pub use progressive::{
     Checkpoint, CheckpointError, ErrorEstimate, RoundStatistics, Rounds, error_of_halves, render_in_rounds,
 };
+pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};
 pub use settings::*;
 pub use stats::{
-    AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, PhotonStatistics,
-    ProcessStatistics, ShadowStatistics, Statistics, Times,
+    AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, MemoryStatistics,
+    PhotonMapFile, PhotonStatistics, ProcessStatistics, Resident, ShadowStatistics, Statistics, Times,
 };

@@ -1,7 +1,7 @@
 use super::progressive::RoundStatistics;
 use crate::integrators::{Counters, ShadowCounters};
 use crate::scene::{MapKind, RenderPlan};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Seconds by step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -16,8 +16,34 @@ pub struct Times {
     pub pixels: f64,
 }
 
+/// Bytes of the process.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Resident {
+    /// In memory at that moment.
+    pub resident: u64,
+    /// At most up to that moment.
+    pub peak: u64,
+}
+
+/// Memory by step, and what the scene takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct MemoryStatistics {
+    /// Bytes of triangles and their normals.
+    pub meshes: u64,
+    /// Bytes of Embree's hierarchies, where its memory is counted.
+    pub hierarchy: Option<u64>,
+    /// Once the scene is built; none where the system does not tell.
+    pub scene: Option<Resident>,
+    /// Once the photon maps are built.
+    pub photons: Option<Resident>,
+    /// Once the irradiance cache is filled, where there is one.
+    pub cache: Option<Resident>,
+    /// Once the picture is rendered.
+    pub pixels: Option<Resident>,
+}
+
 /// What became of the photons of one light. Fluxes in watts, per channel.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhotonStatistics {
     /// Number of the light.
     pub light: u32,
@@ -44,12 +70,15 @@ pub struct PhotonStatistics {
 }
 
 /// One photon map.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapStatistics {
     /// Which map.
     pub map: MapKind,
     /// Photons asked for.
     pub asked: u64,
+    /// Whether its photons were read from a file; the counts of the photons are then those of when they were traced.
+    #[serde(default)]
+    pub from_file: bool,
     /// Whether tracing was stopped before all photons were emitted.
     pub stopped: bool,
     /// Photons stored.
@@ -64,6 +93,19 @@ pub struct MapStatistics {
     pub seconds_building: f64,
     /// By light.
     pub lights: Vec<PhotonStatistics>,
+}
+
+/// A file that photons were read from.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhotonMapFile {
+    /// Its name.
+    pub file: String,
+    /// Bytes of it.
+    pub bytes: u64,
+    /// Seconds to read it, before `photons` of the times.
+    pub seconds_reading: f64,
+    /// Whether precomputed irradiance was taken from it too.
+    pub irradiance: bool,
 }
 
 /// Illumination maps of all objects together.
@@ -152,16 +194,22 @@ pub struct Statistics {
     pub plan: RenderPlan,
     /// Seconds by step.
     pub times: Times,
+    /// Bytes by step.
+    pub memory: MemoryStatistics,
     /// Threads.
     pub threads: usize,
     /// Camera samples taken per pixel; of the asked-for ones where the render was stopped.
     pub samples: u64,
     /// Photon maps.
     pub maps: Vec<MapStatistics>,
+    /// The file that they were read from; none where photons were traced.
+    pub photon_map_file: Option<PhotonMapFile>,
     /// Shadow photons, by light; empty where they are not used.
     pub shadows: Vec<ShadowStatistics>,
     /// Seconds to trace and sort them.
     pub seconds_shadows: f64,
+    /// Seconds to precompute irradiance.
+    pub seconds_irradiance: f64,
     /// Bytes of precomputed irradiance.
     pub irradiance_bytes: u64,
     /// The irradiance cache, where there is one.

@@ -3,7 +3,7 @@
 use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
 use crate::lights::Light;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// How a picture is computed.
@@ -21,7 +21,7 @@ pub enum IntegratorKind {
 }
 
 /// Which of the photon maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapKind {
     /// All photons on diffuse surfaces.

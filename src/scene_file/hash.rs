@@ -1,6 +1,7 @@
-use super::description::{GeometryDescription, SceneDescription};
+use super::description::{GeometryDescription, Named, SceneDescription, ShapeDescription};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::obj::material_files;
+use std::fmt::{self, Write};
 use std::fs::File;
 use std::io;
 
@@ -21,6 +22,82 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
         hasher.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes());
         hasher.update(&(value.len() as u64).to_le_bytes()).update(value.as_bytes());
     }
+    hash_files(scene, &mut hasher)?;
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// A hash of everything in a scene that photons depend on, in hexadecimal: shapes and their mesh files, materials, textures, media
+/// and lights; not the camera, the picture, settings, names, or where anything stands in the file.
+///
+/// # Errors
+/// Where a mesh file cannot be read any more.
+pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
+    // Everything is named here, so that nothing is added to scenes without asking whether photons depend on it.
+    let SceneDescription {
+        name: _,
+        location: _,
+        camera: _,
+        film: _,
+        render: _,
+        warnings: _,
+        media,
+        textures,
+        materials,
+        looks,
+        shapes,
+        groups,
+        instances,
+        lights,
+        light_photons,
+    } = scene;
+    let mut hasher = blake3::Hasher::new();
+    // Numbers print as the shortest text that reads as the same number, so different ones print differently.
+    let mut out = Hashing(&mut hasher);
+    let written = (|| {
+        values(&mut out, "media", media)?;
+        values(&mut out, "textures", textures)?;
+        values(&mut out, "materials", materials)?;
+        writeln!(out, "looks {looks:?} groups {}", groups.len())?;
+        values(&mut out, "instances", instances)?;
+        values(&mut out, "lights", lights)?;
+        writeln!(out, "photons {light_photons:?} shapes {}", shapes.len())?;
+        shapes.iter().try_for_each(|shape| write_shape(&mut out, &shape.value))
+    })();
+    written.map_err(io::Error::other)?;
+    hash_files(scene, &mut hasher)?;
+    Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// Text on its way into a hash.
+struct Hashing<'a>(&'a mut blake3::Hasher);
+
+impl Write for Hashing<'_> {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0.update(text.as_bytes());
+        Ok(())
+    }
+}
+
+fn values<T: fmt::Debug>(out: &mut impl Write, what: &str, things: &[Named<T>]) -> fmt::Result {
+    writeln!(out, "{what} {}", things.len())?;
+    things.iter().try_for_each(|thing| writeln!(out, "{:?}", thing.value))
+}
+
+/// A shape without the place of its mesh file, whose content is hashed by [`hash_files`].
+fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
+    let ShapeDescription { geometry, transform, flip_normal, material, caustic_photons, emission, group } =
+        shape;
+    match geometry {
+        GeometryDescription::MeshFile { path: _, normals, own_materials, fit } => {
+            write!(out, "file {normals:?} {own_materials} {fit:?}")?;
+        }
+        other => write!(out, "{other:?}")?,
+    }
+    writeln!(out, " {transform:?} {flip_normal} {material} {caustic_photons:?} {emission:?} {group:?}")
+}
+
+/// The content of all files that shapes are read from.
+fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Result<()> {
     for shape in &scene.shapes {
         if let GeometryDescription::MeshFile { path, own_materials, .. } = &shape.value.geometry {
             let file = File::open(path)?;
@@ -41,5 +118,45 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
             }
         }
     }
-    Ok(hasher.finalize().to_hex().to_string())
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_file::parse_scene;
+    use std::path::Path;
+
+    const SCENE: &str = "[camera]\neye = [0, 1, 5]\nat = [0, 0, 0]\n\n[materials.grey]\ntype = \"lambert\"\n\
+        reflectance = [0.5, 0.5, 0.5]\n\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1.0\nmaterial = \"grey\"\n\n\
+        [[lights]]\ntype = \"point\"\nposition = [0, 5, 0]\nintensity = [10, 10, 10]\n";
+
+    fn hash(text: &str) -> String {
+        let scene = parse_scene(text, Path::new("a.toml"), &[]).unwrap_or_else(|error| panic!("{error}"));
+        photon_content_hash(&scene).unwrap()
+    }
+
+    #[test]
+    fn only_what_photons_depend_on_changes_their_hash() {
+        let plain = hash(SCENE);
+        for (from, to) in [
+            ("eye = [0, 1, 5]", "eye = [2, 1, 5]\nfov = 20.0"),
+            ("[camera]", "# moved\n\n[film]\nwidth = 100\nheight = 50\n[camera]"),
+            ("[camera]", "[render]\nspp = 7\n[camera]"),
+            ("grey", "gray"),
+        ] {
+            assert!(SCENE.contains(from));
+            assert_eq!(hash(&SCENE.replace(from, to)), plain, "{to}");
+        }
+        for (from, to) in [
+            ("radius = 1.0", "radius = 1.0000000000000002"),
+            ("center = [0, 0, 0]", "center = [-0.0000001, 0, 0]"),
+            ("[0.5, 0.5, 0.5]", "[0.5, 0.5, 0.6]"),
+            ("intensity = [10,", "intensity = [11,"),
+            ("material = \"grey\"", "material = \"grey\"\nflip-normal = true"),
+        ] {
+            assert!(SCENE.contains(from));
+            assert_ne!(hash(&SCENE.replace(from, to)), plain, "{to}");
+        }
+    }
 }

@@ -126,13 +126,22 @@ pub fn triangulate_polygon(corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     }
 }
 
+/// Triangles that a thread takes at least.
+const AT_ONCE: usize = 1 << 14;
+
 /// Drops the triangles that nothing can be done with, and counts them.
 pub(super) fn drop_unusable(triangles: &mut Vec<[u32; 3]>, positions: &Positions, report: &mut MeshReport) {
     let is_finite =
         |triangle: &[u32; 3]| positions.corners(*triangle).iter().all(|corner| corner.is_finite());
     let is_flat = |triangle: &[u32; 3]| is_degenerate(positions.corners(*triangle));
-    // Almost every mesh is sound: look in parallel first.
-    if triangles.par_iter().all(|triangle| is_finite(triangle) && !is_flat(triangle)) {
+    // Almost every mesh is sound: look in parallel first. What is not finite counts as flat.
+    let is_sound = match positions {
+        Positions::Single(p) => triangles.par_iter().with_min_len(AT_ONCE).all(|triangle| {
+            !is_degenerate(triangle.map(|vertex| Vec3::from_array(p[vertex as usize]).as_dvec3()))
+        }),
+        Positions::Double(_) => triangles.par_iter().with_min_len(AT_ONCE).all(|triangle| !is_flat(triangle)),
+    };
+    if is_sound {
         return;
     }
     triangles.retain(|triangle| {
@@ -149,8 +158,24 @@ pub(super) fn drop_unusable(triangles: &mut Vec<[u32; 3]>, positions: &Positions
 impl TriangleMesh {
     /// Bounds of the vertices that triangles use; empty for a mesh without triangles.
     pub fn bounds(&self) -> Bounds3 {
-        let of_triangle = |triangle: &[u32; 3]| Bounds3::of_points(self.positions.corners(*triangle));
-        self.triangles.par_iter().map(of_triangle).reduce(|| Bounds3::EMPTY, Bounds3::union)
+        let triangles = || self.triangles.par_iter().with_min_len(AT_ONCE);
+        match &self.positions {
+            Positions::Single(positions) => {
+                // In single precision, as far as these numbers need.
+                let empty = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
+                let grown = |(low, high): (Vec3, Vec3), triangle: &[u32; 3]| {
+                    let [a, b, c] = triangle.map(|vertex| Vec3::from_array(positions[vertex as usize]));
+                    (low.min(a).min(b.min(c)), high.max(a).max(b.max(c)))
+                };
+                let (low, high) =
+                    triangles().fold(empty, grown).reduce(empty, |a, b| (a.0.min(b.0), a.1.max(b.1)));
+                Bounds3 { min: low.as_dvec3(), max: high.as_dvec3() }
+            }
+            Positions::Double(_) => {
+                let of_triangle = |triangle: &[u32; 3]| Bounds3::of_points(self.positions.corners(*triangle));
+                triangles().map(of_triangle).reduce(|| Bounds3::EMPTY, Bounds3::union)
+            }
+        }
     }
 
     /// Smooth shading normals: for each vertex the mean of the faces around it, weighted by their angles there

@@ -1,9 +1,9 @@
 //! Mesh files of any kind, by the ending of their name; and what the readers of OBJ and STL share.
 
 use super::mesh::{MeshReport, TriangleMesh};
-use super::obj::read_obj;
-use super::ply::{PlyError, read_ply};
-use super::stl::read_stl;
+use super::obj::read_obj_with;
+use super::ply::{PlyError, read_ply_with};
+use super::stl::read_stl_with;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -53,20 +53,76 @@ pub(super) fn in_file(path: &Path, (place, problem): Failure) -> MeshFileError {
     MeshFileError::Other { file: path.to_path_buf(), place, problem }
 }
 
+/// What is wanted of a mesh file, and who follows the reading.
+#[derive(Clone, Copy)]
+pub struct MeshReading<'a> {
+    /// Normals of the file, where it has them.
+    pub normals: bool,
+    /// Texture coordinates, where it has them.
+    pub uvs: bool,
+    /// Hears of how many bytes of how many have been read, from any thread; false stops.
+    pub progress: &'a (dyn Fn(u64, u64) -> bool + Sync),
+}
+
+impl std::fmt::Debug for MeshReading<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MeshReading")
+            .field("normals", &self.normals)
+            .field("uvs", &self.uvs)
+            .finish_non_exhaustive()
+    }
+}
+
+impl MeshReading<'static> {
+    /// All that a file has.
+    pub const ALL: Self = Self { normals: true, uvs: true, progress: &|_, _| true };
+}
+
+impl MeshReading<'_> {
+    /// The mesh without what nobody wants.
+    pub(super) fn without_unwanted(&self, mesh: TriangleMesh) -> TriangleMesh {
+        let normals = mesh.normals.filter(|_| self.normals);
+        let uvs = mesh.uvs.filter(|_| self.uvs);
+        TriangleMesh { normals, uvs, ..mesh }
+    }
+
+    /// Tells that byte `at` of `bytes` has been reached.
+    pub(super) fn reached(&self, at: usize, bytes: &[u8]) -> Result<(), Failure> {
+        match (self.progress)(at as u64, bytes.len() as u64) {
+            true => Ok(()),
+            false => Err((
+                MeshPlace::File,
+                "was not read to its end as reading was stopped; start again".to_owned(),
+            )),
+        }
+    }
+}
+
 /// Reads a `.ply`, `.obj` or `.stl` file as one mesh.
 ///
 /// # Errors
 /// With the file, the line where there is one, what is wrong and what to do.
 pub fn read_mesh_file(path: &Path) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
+    read_mesh_file_with(path, &MeshReading::ALL)
+}
+
+/// [`read_mesh_file`], with a choice of what is read.
+///
+/// # Errors
+/// As [`read_mesh_file`], and where it was stopped.
+pub fn read_mesh_file_with(
+    path: &Path,
+    reading: &MeshReading<'_>,
+) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
     let extension = path.extension().unwrap_or_default();
-    if extension.eq_ignore_ascii_case("obj") {
-        let obj = read_obj(path)?;
-        Ok(obj.into_mesh())
+    let (mesh, report) = if extension.eq_ignore_ascii_case("obj") {
+        read_obj_with(path, reading)?.into_mesh()
     } else if extension.eq_ignore_ascii_case("stl") {
-        read_stl(path)
+        read_stl_with(path, reading)?
     } else {
-        Ok(read_ply(path)?)
-    }
+        read_ply_with(path, reading)?
+    };
+    Ok((reading.without_unwanted(mesh), report))
 }
 
 /// The bytes of a regular file.

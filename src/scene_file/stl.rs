@@ -5,7 +5,9 @@
 //! below 16 times that length.
 
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
-use super::mesh_file::{Failure, MeshFileError, MeshPlace, in_file, number, read_bytes, shown, words};
+use super::mesh_file::{
+    Failure, MeshFileError, MeshPlace, MeshReading, in_file, number, read_bytes, shown, words,
+};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -15,12 +17,31 @@ const HEADER: usize = 84;
 /// A normal, three corners, two bytes of attributes.
 const RECORD: usize = 50;
 
+/// Triangles, or lines, from one word of progress to the next.
+const TOLD: usize = 1 << 15;
+
 /// Reads an STL file.
 ///
 /// # Errors
 /// With the file, the line where it is ascii, what is wrong and what to do.
 pub fn read_stl(path: &Path) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
-    parse_stl(&read_bytes(path)?).map_err(|failure| in_file(path, failure))
+    read_stl_with(path, &MeshReading::ALL)
+}
+
+/// [`read_stl`], followed by somebody who may stop it.
+pub(super) fn read_stl_with(
+    path: &Path,
+    reading: &MeshReading<'_>,
+) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
+    parse_stl(&read_bytes(path)?, reading).map_err(|failure| in_file(path, failure))
+}
+
+/// Parses the bytes of an STL file; `path` is only for messages.
+///
+/// # Errors
+/// As [`read_stl`].
+pub fn parse_stl_bytes(bytes: &[u8], path: &Path) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
+    parse_stl(bytes, &MeshReading::ALL).map_err(|failure| in_file(path, failure))
 }
 
 /// Vertices by the bits of their place.
@@ -48,14 +69,17 @@ impl Vertices {
 }
 
 /// Parses the bytes of an STL file.
-pub(super) fn parse_stl(bytes: &[u8]) -> Result<(TriangleMesh, MeshReport), Failure> {
+pub(super) fn parse_stl(
+    bytes: &[u8],
+    reading: &MeshReading<'_>,
+) -> Result<(TriangleMesh, MeshReport), Failure> {
     let mut vertices = Vertices::default();
     let mut triangles = Vec::new();
     let mut report = MeshReport::default();
     if is_ascii(bytes) {
-        read_ascii(bytes, &mut vertices, &mut triangles, &mut report)?;
+        read_ascii(bytes, reading, &mut vertices, &mut triangles, &mut report)?;
     } else {
-        read_binary(bytes, &mut vertices, &mut triangles, &mut report)?;
+        read_binary(bytes, reading, &mut vertices, &mut triangles, &mut report)?;
     }
     let positions = Positions::Single(vertices.positions);
     drop_unusable(&mut triangles, &positions, &mut report);
@@ -79,6 +103,7 @@ fn is_ascii(bytes: &[u8]) -> bool {
 
 fn read_binary(
     bytes: &[u8],
+    reading: &MeshReading<'_>,
     vertices: &mut Vertices,
     triangles: &mut Vec<[u32; 3]>,
     report: &mut MeshReport,
@@ -101,7 +126,10 @@ fn read_binary(
     }
     report.trailing_bytes = bytes.len() as u64 - needed;
     triangles.reserve_exact(count as usize);
-    for record in bytes[HEADER..needed as usize].chunks_exact(RECORD) {
+    for (index, record) in bytes[HEADER..needed as usize].chunks_exact(RECORD).enumerate() {
+        if index % TOLD == 0 {
+            reading.reached(HEADER + index * RECORD, bytes)?;
+        }
         let float =
             |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
         let corner = |number: usize| [0, 4, 8].map(|at| float(12 + 12 * number + at));
@@ -112,6 +140,7 @@ fn read_binary(
 
 fn read_ascii(
     bytes: &[u8],
+    reading: &MeshReading<'_>,
     vertices: &mut Vertices,
     triangles: &mut Vec<[u32; 3]>,
     report: &mut MeshReport,
@@ -119,7 +148,12 @@ fn read_ascii(
     let mut is_open = false;
     let mut corners: Vec<u32> = Vec::new();
     let mut last = 0;
+    let mut at = 0;
     for (index, text) in bytes.split(|&byte| byte == b'\n').enumerate() {
+        if index % TOLD == 0 {
+            reading.reached(at, bytes)?;
+        }
+        at += text.len() + 1;
         let line = index + 1;
         let mut parts = words(text);
         let Some(first) = parts.next() else { continue };
@@ -161,6 +195,10 @@ fn read_ascii(
 mod tests {
     use super::*;
 
+    fn parse(bytes: &[u8]) -> Result<(TriangleMesh, MeshReport), Failure> {
+        parse_stl(bytes, &MeshReading::ALL)
+    }
+
     /// A tetrahedron, its triangles by their corners.
     const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
@@ -195,7 +233,7 @@ mod tests {
         for bytes in
             [binary(), ascii().into_bytes(), ascii().replace('\n', "\r\n").to_uppercase().into_bytes()]
         {
-            let (mesh, report) = parse_stl(&bytes).unwrap();
+            let (mesh, report) = parse(&bytes).unwrap();
             assert_eq!((mesh.positions.len(), mesh.triangles.len()), (4, 4));
             assert_eq!(report, MeshReport::default());
             assert_eq!(mesh.positions.corners(mesh.triangles[0])[1].to_array(), [0.0, 1.0, 0.0]);
@@ -207,13 +245,13 @@ mod tests {
         for bytes in [binary(), ascii().into_bytes()] {
             for sixteenth in 0..16 {
                 let cut = &bytes[..bytes.len() * sixteenth / 16];
-                let (_, problem) = parse_stl(cut).unwrap_err();
+                let (_, problem) = parse(cut).unwrap_err();
                 assert!(problem.contains("again"), "{sixteenth}: {problem}");
             }
         }
-        let (_, report) = parse_stl(&[binary(), vec![1, 2, 3]].concat()).unwrap();
+        let (_, report) = parse(&[binary(), vec![1, 2, 3]].concat()).unwrap();
         assert_eq!(report.trailing_bytes, 3);
-        let (place, problem) = parse_stl(
+        let (place, problem) = parse(
             ascii().replace("outer loop\n   vertex 0e0 0 0", "outer loop\n   vertex 0e0 x 0").as_bytes(),
         )
         .unwrap_err();
@@ -222,7 +260,7 @@ mod tests {
         // Four billion triangles in a hundred bytes.
         let mut bytes = vec![0; 100];
         bytes[80..84].fill(0xff);
-        assert!(parse_stl(&bytes).unwrap_err().1.contains("missing"));
-        assert!(parse_stl(b"solid Empty\nendsolid Empty").unwrap().0.triangles.is_empty());
+        assert!(parse(&bytes).unwrap_err().1.contains("missing"));
+        assert!(parse(b"solid Empty\nendsolid Empty").unwrap().0.triangles.is_empty());
     }
 }

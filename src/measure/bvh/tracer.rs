@@ -74,7 +74,7 @@ impl Make {
     /// The ways to trace rays in it.
     pub fn walks(self) -> &'static [Walk] {
         match self {
-            Self::EmbreeRobust => &[Walk::Single, Walk::Packets8, Walk::Packets16],
+            Self::EmbreeRobust | Self::EmbreeFast => &[Walk::Single, Walk::Packets8, Walk::Packets16],
             #[cfg(feature = "bvh-bench")]
             Self::Bvh => &[Walk::Single, Walk::OwnOrder],
             _ => &[Walk::Single],

@@ -3,7 +3,7 @@
 mod own_materials;
 mod place;
 
-use self::place::{Placed, Source};
+use self::place::{Placed, Source, place_mesh};
 use super::description::{
     CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, LightDescription,
     Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
@@ -15,6 +15,7 @@ use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointLight};
 use crate::math::{Bounds3, unit_f64};
 use crate::media::Medium;
+use crate::render::{Observer, Silent};
 use crate::scene::{
     Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
     Scene, SceneParts, Surface, Target,
@@ -118,6 +119,19 @@ fn steps_across(bounds: &Bounds3, center: DVec3) -> f64 {
     extent / (farthest * f64::from(f32::EPSILON))
 }
 
+/// Where the origin of render space is best: at the middle of the scene, unless that leaves something coarse
+/// ([`steps_across`]); then at the middle of the coarsest thing, where numbers are finest. No other coordinate is
+/// more than doubled by that.
+fn choose_center(bounds: &Bounds3, placed: &[(usize, Bounds3)]) -> DVec3 {
+    let center = bounds.center();
+    let coarsest = placed
+        .iter()
+        .map(|(_, bounds)| (steps_across(bounds, center), bounds.center()))
+        .filter(|(steps, _)| *steps < FEW_STEPS)
+        .min_by(|a, b| a.0.total_cmp(&b.0));
+    coarsest.map_or(center, |(_, at)| at)
+}
+
 /// Builds the scene for a picture of `width` by `height` pixels.
 ///
 /// # Errors
@@ -125,19 +139,34 @@ fn steps_across(bounds: &Bounds3, center: DVec3) -> f64 {
 pub fn build_scene(
     description: &SceneDescription,
     device: &Arc<Device>,
+    size: (u32, u32),
+) -> Result<BuiltScene, BuildError> {
+    build_scene_watched(description, device, size, &Silent)
+}
+
+/// [`build_scene`], followed by somebody who is told of each file and of Embree's work, and who may stop it: what is under way
+/// then ends with some error.
+///
+/// # Errors
+/// As [`build_scene`].
+pub fn build_scene_watched(
+    description: &SceneDescription,
+    device: &Arc<Device>,
     (width, height): (u32, u32),
+    observer: &dyn Observer,
 ) -> Result<BuiltScene, BuildError> {
     let taken_apart = own_materials::take_apart(description)?;
     let description = taken_apart.as_ref().unwrap_or(description);
-    let mut builder = Builder::read(description)?;
-    let bounds = builder.world_bounds();
+    let mut builder = Builder::read(description, observer)?;
+    let placed = builder.placed_bounds();
+    let bounds = placed.iter().fold(Bounds3::EMPTY, |all, (_, bounds)| all.union(*bounds));
     if !(bounds.is_empty() || bounds.center().is_finite() && bounds.radius().is_finite()) {
         return Err(whole(description, BuildProblem::Extent));
     }
-    let space = RenderSpace::fitting(builder.choose_center(&bounds), bounds.radius());
-    builder.warn_of_coarse_positions(space.center);
+    let space = RenderSpace::fitting(choose_center(&bounds, &placed), bounds.radius());
+    builder.warn_of_coarse_positions(space.center, &placed);
     let camera = builder.camera(&bounds, &space, (width, height))?;
-    let (embree, assembly) = builder.assemble(device, &space)?;
+    let (embree, assembly) = builder.assemble(device, &space, observer)?;
     let radius = space.length(bounds.radius()) as f32;
     let flux = assembly.flux(description, &space, f64::from(radius));
     let space = space.with_flux(flux);
@@ -199,19 +228,28 @@ struct Assembly {
 }
 
 impl<'a> Builder<'a> {
-    fn read(description: &'a SceneDescription) -> Result<Self, BuildError> {
+    fn read(description: &'a SceneDescription, observer: &dyn Observer) -> Result<Self, BuildError> {
         let mut warnings = description.warnings.clone();
         let mut sources = Vec::with_capacity(description.shapes.len());
         for shape in &description.shapes {
             let error = |problem| error_of(shape, problem);
-            let (source, before, report) = Source::read(&shape.value.geometry).map_err(error)?;
+            if let GeometryDescription::MeshFile { path, .. } = &shape.value.geometry {
+                let name = path.file_name().unwrap_or_default().to_string_lossy();
+                observer
+                    .begin(&format!("reading {name}"), std::fs::metadata(path).map_or(1, |file| file.len()));
+            }
+            let progress = |done, _| {
+                observer.advance(done);
+                !observer.is_cancelled()
+            };
+            let (source, before, report) = Source::read(&shape.value.geometry, &progress).map_err(error)?;
             let mut warn = |message: String| {
                 warnings.push(SceneWarning { location: shape.location.clone(), message });
             };
             for finding in report.findings() {
                 warn(format!("{}: {finding}", shape.name));
             }
-            if matches!(&source, Source::Mesh(mesh) if mesh.triangles.is_empty()) {
+            if matches!(&source, Source::Mesh(mesh, _) if mesh.triangles.is_empty()) {
                 warn(format!("{}: the mesh is empty, nothing of it will be seen", shape.name));
             }
             let transform = shape.value.transform * before;
@@ -240,32 +278,18 @@ impl<'a> Builder<'a> {
         })
     }
 
-    fn world_bounds(&self) -> Bounds3 {
-        self.placements().fold(Bounds3::EMPTY, |bounds, (index, transform, _)| {
-            bounds.union(self.sources[index].0.bounds(&transform))
-        })
-    }
-
-    /// Where the origin of render space is best: at the middle of the scene, unless that leaves something coarse
-    /// ([`steps_across`]); then at the middle of the coarsest thing, where numbers are finest. No other coordinate is
-    /// more than doubled by that.
-    fn choose_center(&self, bounds: &Bounds3) -> DVec3 {
-        let center = bounds.center();
-        let coarsest = self
-            .placements()
-            .map(|(index, transform, _)| self.sources[index].0.bounds(&transform))
-            .map(|bounds| (steps_across(&bounds, center), bounds.center()))
-            .filter(|(steps, _)| *steps < FEW_STEPS)
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        coarsest.map_or(center, |(_, at)| at)
+    /// Shape and bounds in the world of each placement.
+    fn placed_bounds(&self) -> Vec<(usize, Bounds3)> {
+        self.placements()
+            .map(|(index, transform, _)| (index, self.sources[index].0.bounds(&transform)))
+            .collect()
     }
 
     /// Warns of what is so small where it stands that rounding shows.
-    fn warn_of_coarse_positions(&mut self, center: DVec3) {
+    fn warn_of_coarse_positions(&mut self, center: DVec3, placed: &[(usize, Bounds3)]) {
         let mut coarse = vec![f64::INFINITY; self.description.shapes.len()];
-        for (index, transform, _) in self.placements() {
-            let steps = steps_across(&self.sources[index].0.bounds(&transform), center);
-            coarse[index] = coarse[index].min(steps);
+        for &(index, ref bounds) in placed {
+            coarse[index] = coarse[index].min(steps_across(bounds, center));
         }
         let mut found = coarse.iter().enumerate().filter(|(_, steps)| **steps < FEW_STEPS);
         let Some((index, steps)) = found.next() else { return };
@@ -316,16 +340,18 @@ impl<'a> Builder<'a> {
     }
 
     fn assemble(
-        &self,
+        &mut self,
         device: &Arc<Device>,
         space: &RenderSpace,
+        observer: &dyn Observer,
     ) -> Result<(crate::embree::CommittedScene, Assembly), BuildError> {
         let fail = |problem: EmbreeError| whole(self.description, problem.into());
         let mut top = SceneBuilder::new(device).map_err(fail)?;
         let mut assembly = Assembly::default();
         let to_render = space.to_affine();
         let mut instanced = vec![false; self.description.shapes.len()];
-        for (index, transform, instance) in self.placements() {
+        let placements: Vec<_> = self.placements().collect();
+        for (index, transform, instance) in placements {
             let shape = &self.description.shapes[index];
             let source = &self.sources[index].0;
             let total = to_render * transform;
@@ -346,16 +372,28 @@ impl<'a> Builder<'a> {
                 self.add_distorted(index, &total, device, &mut top, &mut assembly)?;
                 continue;
             }
-            let placed = source.place(&total, emits).map_err(|problem| error_of(shape, problem))?;
             let illumination =
                 self.illumination(index, &total).map_err(|problem| error_of(shape, problem))?;
+            // What stands in the picture once is moved there in the memory that it has.
+            let alone = if instance.is_none() { self.sources[index].0.take_mesh() } else { None };
+            let placed = match alone {
+                Some((mesh, own)) => place_mesh(mesh, &own, &total, emits),
+                None => self.sources[index].0.place(&total, emits),
+            };
+            let placed = placed.map_err(|problem| error_of(shape, problem))?;
             self.add_surface(index, placed, &mut top, &mut assembly)?;
             if let Some(surface) = assembly.surfaces.last_mut() {
                 surface.illumination = illumination;
             }
         }
         self.add_groups(&instanced, &to_render, device, &mut top, &mut assembly)?;
-        Ok((top.commit().map_err(fail)?, assembly))
+        // In thousandths.
+        observer.begin("building the hierarchy", 1000);
+        let committed = top.commit_watched(&|share| {
+            observer.advance((1000.0 * share.clamp(0.0, 1.0)) as u64);
+            !observer.is_cancelled()
+        });
+        Ok((committed.map_err(fail)?, assembly))
     }
 
     fn add_surface(

@@ -6,7 +6,7 @@ use crate::math::{Bounds3, unit_f64};
 use crate::scene::{Geometry, Mesh};
 use crate::scene_file::description::MeshNormals;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh};
-use crate::scene_file::{GeometryDescription, generate, read_mesh_file};
+use crate::scene_file::{GeometryDescription, MeshReading, generate, read_mesh_file_with};
 use crate::shapes::{
     Chart, Csg, Cylinder, Disc, EmitterShape, HeightGrid, Quad, Sphere, SphereFlake, Terrain, Triangle,
 };
@@ -17,7 +17,8 @@ use std::sync::Arc;
 /// A shape read from its file and ready to be placed. Lengths as in the description.
 #[derive(Debug)]
 pub(super) enum Source {
-    Mesh(TriangleMesh),
+    /// With the bounds of what its triangles use.
+    Mesh(TriangleMesh, Bounds3),
     Quad {
         corner: DVec3,
         edge_u: DVec3,
@@ -71,33 +72,38 @@ impl Source {
     /// Reads what has to be read. The transform that a fit adds is returned, to be applied first.
     pub(super) fn read(
         description: &GeometryDescription,
+        progress: &(dyn Fn(u64, u64) -> bool + Sync),
     ) -> Result<(Self, DAffine3, MeshReport), BuildProblem> {
         let mut before = DAffine3::IDENTITY;
         let mut report = MeshReport::default();
         let source = match description {
             GeometryDescription::MeshFile { path, normals, fit, .. } => {
-                let (mut mesh, found) = read_mesh_file(path)?;
+                // Surfaces have no use for texture coordinates.
+                let reading =
+                    MeshReading { normals: *normals == MeshNormals::FromFile, uvs: false, progress };
+                let (mut mesh, found) = read_mesh_file_with(path, &reading)?;
                 report = found;
                 choose_normals(&mut mesh, *normals);
-                if let Some(fit) = fit {
-                    before = fit.transform(&mesh.bounds()).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
+                let source = Self::mesh(mesh);
+                if let (Some(fit), Self::Mesh(_, bounds)) = (fit, &source) {
+                    before = fit.transform(bounds).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
                 }
-                Self::Mesh(mesh)
+                source
             }
             GeometryDescription::Loaded { mesh, normals, before: fitted } => {
                 let mut mesh = TriangleMesh::clone(mesh);
                 choose_normals(&mut mesh, *normals);
                 before = *fitted;
-                Self::Mesh(mesh)
+                Self::mesh(mesh)
             }
             GeometryDescription::Mesh { positions, triangles, normals } => {
                 let positions = Positions::Double(positions.iter().map(DVec3::to_array).collect());
                 let mut mesh =
                     TriangleMesh { positions, triangles: triangles.clone(), normals: None, uvs: None };
                 choose_normals(&mut mesh, *normals);
-                Self::Mesh(mesh)
+                Self::mesh(mesh)
             }
-            GeometryDescription::Generated(generator) => Self::Mesh(generator.mesh()),
+            GeometryDescription::Generated(generator) => Self::mesh(generator.mesh()),
             &GeometryDescription::Quad { corner, edge_u, edge_v } => Self::Quad { corner, edge_u, edge_v },
             &GeometryDescription::Sphere { center, radius } => Self::Sphere { center, radius },
             &GeometryDescription::Cylinder { base, top, radius } => Self::Cylinder { base, top, radius },
@@ -114,7 +120,7 @@ impl Source {
                 let corner = center - 0.5 * size.with_y(0.0);
                 let transform = DAffine3::from_translation(corner) * DAffine3::from_scale(scale);
                 if triangles {
-                    Self::Mesh(generate::mesh_of_heights(&grid, &transform))
+                    Self::mesh(generate::mesh_of_heights(&grid, &transform))
                 } else {
                     Self::Terrain { grid, transform }
                 }
@@ -123,10 +129,33 @@ impl Source {
         Ok((source, before, report))
     }
 
+    fn mesh(mesh: TriangleMesh) -> Self {
+        let bounds = mesh.bounds();
+        Self::Mesh(mesh, bounds)
+    }
+
+    /// Takes a mesh out of the source, which is then empty: for one that is placed once.
+    pub(super) fn take_mesh(&mut self) -> Option<(TriangleMesh, Bounds3)> {
+        let empty = || TriangleMesh {
+            positions: Positions::Single(Vec::new()),
+            triangles: Vec::new(),
+            normals: None,
+            uvs: None,
+        };
+        match self {
+            Self::Mesh(mesh, bounds) => {
+                Some((std::mem::replace(mesh, empty()), std::mem::replace(bounds, Bounds3::EMPTY)))
+            }
+            _ => None,
+        }
+    }
+
     /// Bounds under `transform`.
     pub(super) fn bounds(&self, transform: &DAffine3) -> Bounds3 {
         match self {
-            Self::Mesh(mesh) => mesh
+            // Rounding is monotone, so the extremes of the box are those of the corners, to the bit.
+            Self::Mesh(_, bounds) if keeps_axes(transform) => bounds.transformed(transform),
+            Self::Mesh(mesh, _) => mesh
                 .triangles
                 .par_iter()
                 .map(|&triangle| {
@@ -198,7 +227,7 @@ impl Source {
     pub(super) fn needs_instance(&self, transform: &DAffine3) -> bool {
         match self {
             // The latter two have spaces of their own, to which they take rays in `f64`.
-            Self::Mesh(_) | Self::Quad { .. } | Self::Csg(_) | Self::Terrain { .. } => false,
+            Self::Mesh(..) | Self::Quad { .. } | Self::Csg(_) | Self::Terrain { .. } => false,
             Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } | Self::SphereFlake { .. } => {
                 similarity(transform).is_none()
             }
@@ -208,7 +237,7 @@ impl Source {
     /// The shape under `transform`. `emits` asks for what light sampling needs.
     pub(super) fn place(&self, transform: &DAffine3, emits: bool) -> Result<Placed, BuildProblem> {
         match self {
-            Self::Mesh(mesh) => place_mesh(mesh, transform, emits),
+            Self::Mesh(mesh, bounds) => place_mesh(mesh.clone(), bounds, transform, emits),
             Self::Quad { corner, edge_u, edge_v } => {
                 let corner = transform.transform_point3(*corner);
                 let edge_u = transform.transform_vector3(*edge_u);
@@ -281,6 +310,16 @@ pub(super) fn similarity(transform: &DAffine3) -> Option<f64> {
     (same && xy.max(yz).max(zx) <= TOLERANCE * largest * largest).then_some(a)
 }
 
+/// Whether each coordinate becomes one of the others, scaled and moved, and nothing more.
+fn keeps_axes(transform: &DAffine3) -> bool {
+    let columns = transform.matrix3.to_cols_array_2d();
+    let is_one = |count: usize| count == 1;
+    (0..3).all(|i| {
+        is_one(columns[i].iter().filter(|x| **x != 0.0).count())
+            && is_one(columns.iter().filter(|column| column[i] != 0.0).count())
+    })
+}
+
 fn is_mirrored(transform: &DAffine3) -> bool {
     transform.matrix3.determinant() < 0.0
 }
@@ -293,15 +332,23 @@ fn choose_normals(mesh: &mut TriangleMesh, normals: MeshNormals) {
     }
 }
 
-fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<Placed, BuildProblem> {
+/// `mesh` under `transform`, in the memory that it has: `own` is the box around what its triangles use.
+pub(super) fn place_mesh(
+    mesh: TriangleMesh,
+    own: &Bounds3,
+    transform: &DAffine3,
+    emits: bool,
+) -> Result<Placed, BuildProblem> {
+    let TriangleMesh { positions, mut triangles, normals, .. } = mesh;
     let place = |vertex: DVec3| transform.transform_point3(vertex).as_vec3().to_array();
-    let positions: Vec<[f32; 3]> = match &mesh.positions {
-        Positions::Single(p) => p.par_iter().map(|&p| place(Vec3::from_array(p).as_dvec3())).collect(),
-        Positions::Double(p) => p.par_iter().map(|&p| place(DVec3::from_array(p))).collect(),
+    let positions: Vec<[f32; 3]> = match positions {
+        Positions::Single(mut positions) => {
+            positions.par_iter_mut().for_each(|p| *p = place(Vec3::from_array(*p).as_dvec3()));
+            positions
+        }
+        Positions::Double(positions) => positions.par_iter().map(|&p| place(DVec3::from_array(p))).collect(),
     };
-    let mirrored = is_mirrored(transform);
-    let mut triangles = mesh.triangles.clone();
-    if mirrored {
+    if is_mirrored(transform) {
         triangles.par_iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
     let corners =
@@ -319,22 +366,37 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
     if emits && lost > 0 && triangles.is_empty() {
         return Err(BuildProblem::NoEmitter(lost));
     }
-    let bounds = triangles
-        .par_iter()
-        .map(|triangle| Bounds3::of_points(corners(triangle)))
-        .reduce(|| Bounds3::EMPTY, Bounds3::union);
+    let bounds = if lost == 0 && keeps_axes(transform) {
+        // As in `Source::bounds`; rounding to single precision is monotone too.
+        let Bounds3 { min, max } = own.transformed(transform);
+        Bounds3 { min: min.as_vec3().as_dvec3(), max: max.as_vec3().as_dvec3() }
+    } else {
+        triangles
+            .par_iter()
+            .map(|triangle| Bounds3::of_points(corners(triangle)))
+            .reduce(|| Bounds3::EMPTY, Bounds3::union)
+    };
     let center = bounds.center();
-    let radius = triangles
+    // Of all vertices in the box, which are fewer than corners; those that no triangle uses are elsewhere, or do no harm.
+    let farthest = positions
         .par_iter()
-        .map(|triangle| {
-            corners(triangle).map(|corner| (corner - center).length()).into_iter().fold(0.0, f64::max)
+        .with_min_len(1 << 14)
+        .map(|&position| {
+            let position = Vec3::from_array(position).as_dvec3();
+            let is_inside = position.cmpge(bounds.min).all() && position.cmple(bounds.max).all();
+            if is_inside { (position - center).length_squared() } else { 0.0 }
         })
         .reduce(|| 0.0, f64::max);
+    // The root is monotone: this is the largest of the lengths.
+    let radius = farthest.sqrt();
     let normal_matrix = transform.matrix3.inverse().transpose();
     let turn = |normal: &Vec3| {
         unit_f64(normal_matrix * normal.as_dvec3()).map_or(Vec3::ZERO, |normal| normal.as_vec3())
     };
-    let normals = mesh.normals.as_ref().map(|normals| Arc::new(normals.par_iter().map(turn).collect()));
+    let normals = normals.map(|mut normals| {
+        normals.par_iter_mut().for_each(|normal| *normal = turn(normal));
+        Arc::new(normals)
+    });
     let buffers = TriangleBuffers::new(positions, triangles)?;
     Ok(Placed {
         geometry: Geometry::Mesh(Mesh { buffers, normals }),

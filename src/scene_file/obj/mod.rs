@@ -7,14 +7,19 @@
 
 mod mtl;
 
-pub use mtl::{MtlFinish, MtlMaterial, read_mtl};
+pub use mtl::{MtlFinish, MtlMaterial, parse_mtl_bytes, read_mtl};
 
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
-use super::mesh_file::{Failure, MeshFileError, MeshPlace, in_file, number, read_bytes, shown, words};
+use super::mesh_file::{
+    Failure, MeshFileError, MeshPlace, MeshReading, in_file, number, read_bytes, shown, words,
+};
 use crate::math::unit;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+
+/// Lines from one word of progress to the next.
+const TOLD: usize = 1 << 15;
 
 /// The faces of one material.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,7 +50,20 @@ pub struct ObjFile {
 /// # Errors
 /// With the file, the line, what is wrong and what to do.
 pub fn read_obj(path: &Path) -> Result<ObjFile, MeshFileError> {
-    parse_obj(&read_bytes(path)?).map_err(|failure| in_file(path, failure))
+    read_obj_with(path, &MeshReading::ALL)
+}
+
+/// [`read_obj`], followed by somebody who may stop it.
+pub(super) fn read_obj_with(path: &Path, reading: &MeshReading<'_>) -> Result<ObjFile, MeshFileError> {
+    parse_obj(&read_bytes(path)?, reading).map_err(|failure| in_file(path, failure))
+}
+
+/// Parses the bytes of an OBJ file; `path` is only for messages.
+///
+/// # Errors
+/// As [`read_obj`].
+pub fn parse_obj_bytes(bytes: &[u8], path: &Path) -> Result<ObjFile, MeshFileError> {
+    parse_obj(bytes, &MeshReading::ALL).map_err(|failure| in_file(path, failure))
 }
 
 /// The files of materials that an OBJ names; none for other files.
@@ -119,10 +137,15 @@ struct Reader {
 }
 
 /// Parses the bytes of an OBJ file.
-pub(super) fn parse_obj(bytes: &[u8]) -> Result<ObjFile, Failure> {
+pub(super) fn parse_obj(bytes: &[u8], reading: &MeshReading<'_>) -> Result<ObjFile, Failure> {
     let mut reader = Reader::default();
     let mut joined = Vec::new();
+    let mut at = 0;
     for (index, text) in bytes.split(|&byte| byte == b'\n').enumerate() {
+        if index % TOLD == 0 {
+            reading.reached(at, bytes)?;
+        }
+        at += text.len() + 1;
         let text = text.trim_ascii();
         // A line that ends in a backslash goes on in the next one.
         if let Some(start) = text.strip_suffix(b"\\") {

@@ -86,8 +86,15 @@ impl Values {
 /// # Errors
 /// With the file, the line, what is wrong and what to do.
 pub fn read_mtl(path: &Path) -> Result<Vec<MtlMaterial>, MeshFileError> {
+    parse_mtl_bytes(&read_bytes(path)?, path)
+}
+
+/// Parses the bytes of a file of materials; `path` is only for messages.
+///
+/// # Errors
+/// As [`read_mtl`].
+pub fn parse_mtl_bytes(bytes: &[u8], path: &Path) -> Result<Vec<MtlMaterial>, MeshFileError> {
     let fail = |failure| in_file(path, failure);
-    let bytes = read_bytes(path)?;
     if bytes.len() > MOST_BYTES {
         let problem =
             format!("{} bytes of materials, at most {MOST_BYTES} are read; remove some", bytes.len());

@@ -52,7 +52,7 @@ fn read_number(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> f64 {
 }
 
 /// The integer at the start of `bytes`; 0 for types that are not integers, which headers do not allow there.
-fn read_integer(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> i64 {
+pub(super) fn read_integer(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> i64 {
     match (scalar, order) {
         (ScalarType::U8, _) => i64::from(bytes[0]),
         (ScalarType::I8, _) => i64::from(i8::from_le_bytes(first(bytes))),
@@ -81,13 +81,85 @@ struct Records<'a> {
 
 /// A face element whose records all have the length of the first.
 #[derive(Clone, Copy)]
-struct FixedFaces {
+pub(super) struct FixedFaces {
     /// Bytes before the list, and of a whole record.
-    before: usize,
-    stride: usize,
-    corners: usize,
-    count: ScalarType,
-    item: ScalarType,
+    pub(super) before: usize,
+    pub(super) stride: usize,
+    pub(super) corners: usize,
+    pub(super) count: ScalarType,
+    pub(super) item: ScalarType,
+}
+
+impl FixedFaces {
+    /// The layout of the faces if all of them are like the first, with which `bytes` begin.
+    pub(super) fn of(element: &Element, list: usize, bytes: &[u8], order: ByteOrder) -> Option<Self> {
+        let mut before = 0;
+        let mut after = 0;
+        for (column, property) in element.properties.iter().enumerate() {
+            match property.kind {
+                PropertyType::Scalar(scalar) if column < list => before += scalar.size(),
+                PropertyType::Scalar(scalar) => after += scalar.size(),
+                PropertyType::List(..) if column == list => {}
+                PropertyType::List(..) => return None,
+            }
+        }
+        let PropertyType::List(count, item) = element.properties.get(list)?.kind else { return None };
+        let head = bytes.get(before..before + count.size())?;
+        // Few corners, so that the records cannot be longer than the file by much; others are walked.
+        let corners = usize::try_from(read_integer(head, count, order)).ok()?;
+        if !(3..=255).contains(&corners) {
+            return None;
+        }
+        let stride = before + count.size() + corners * item.size() + after;
+        Some(Self { before, stride, corners, count, item })
+    }
+
+    /// Offset of the list in a record, where it is a byte and three little-endian integers of 32 bits. (Of signed ones,
+    /// negative numbers are then beyond any count of vertices.)
+    pub(super) fn plain_triangles(&self, order: ByteOrder) -> Option<usize> {
+        let is_plain = self.corners == 3
+            && order == ByteOrder::Little
+            && self.count == ScalarType::U8
+            && matches!(self.item, ScalarType::I32 | ScalarType::U32);
+        is_plain.then_some(self.before)
+    }
+}
+
+/// A vertex element without lists.
+#[derive(Clone, Debug)]
+pub(super) struct FixedVertices {
+    /// Type of each property and its offset in a record.
+    properties: Vec<(ScalarType, usize)>,
+    pub(super) stride: usize,
+    order: ByteOrder,
+}
+
+impl FixedVertices {
+    /// `None` where there are lists.
+    pub(super) fn of(element: &Element, order: ByteOrder) -> Option<Self> {
+        let mut stride = 0;
+        let mut properties = Vec::with_capacity(element.properties.len());
+        for property in &element.properties {
+            let PropertyType::Scalar(scalar) = property.kind else { return None };
+            properties.push((scalar, stride));
+            stride += scalar.size();
+        }
+        Some(Self { properties, stride, order })
+    }
+
+    /// The number in a column of a record.
+    pub(super) fn value(&self, record: &[u8], column: usize) -> f64 {
+        let (scalar, offset) = self.properties[column];
+        read_number(&record[offset..], scalar, self.order)
+    }
+
+    /// Offset of three columns, where they are little-endian floats one after the other.
+    pub(super) fn three_floats(&self, columns: [usize; 3]) -> Option<usize> {
+        let [x, y, z] = columns.map(|column| self.properties[column]);
+        let is_float = [x, y, z].iter().all(|(scalar, _)| *scalar == ScalarType::F32);
+        let are_close = y.1 == x.1 + 4 && z.1 == x.1 + 8;
+        (is_float && are_close && self.order == ByteOrder::Little).then_some(x.1)
+    }
 }
 
 impl<'a> Records<'a> {
@@ -189,19 +261,11 @@ impl<'a> Records<'a> {
                 Ok(())
             });
         }
-        let sizes = types.iter().map(|kind| match kind {
-            PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => scalar.size(),
-        });
-        let offsets: Vec<usize> = sizes
-            .scan(0, |end, size| {
-                *end += size;
-                Some(*end - size)
-            })
-            .collect();
-        let stride = self.element.shortest_record();
+        let Some(layout) = FixedVertices::of(self.element, self.order) else { return Ok(self.start) };
+        let stride = layout.stride;
         let Some(bytes) = self.fixed(stride) else { return Ok(self.start) };
         let records = || bytes.par_chunks_exact(stride);
-        let value = |record: &[u8], column: usize| number(&record[offsets[column]..], column);
+        let value = |record: &[u8], column: usize| layout.value(record, column);
         let single = |record: &[u8], column: usize| value(record, column) as f32;
         vertices.positions = if columns.is_double {
             let position = |record: &[u8]| columns.position.map(|column| value(record, column));
@@ -220,7 +284,8 @@ impl<'a> Records<'a> {
     }
 
     fn read_faces(&self, list: usize, vertex_count: u64, contents: &mut Contents) -> Result<usize, Failure> {
-        if let Some(faces) = self.fixed_faces(list)
+        let first = self.bytes.get(self.start..).unwrap_or_default();
+        if let Some(faces) = FixedFaces::of(self.element, list, first, self.order)
             && let Some(end) = self.read_fixed_faces(faces, vertex_count, contents)?
         {
             return Ok(end);
@@ -243,29 +308,6 @@ impl<'a> Records<'a> {
             contents.push_face(&corners);
             Ok(())
         })
-    }
-
-    /// The layout of the faces if all of them are like the first.
-    fn fixed_faces(&self, list: usize) -> Option<FixedFaces> {
-        let mut before = 0;
-        let mut after = 0;
-        for (column, property) in self.element.properties.iter().enumerate() {
-            match property.kind {
-                PropertyType::Scalar(scalar) if column < list => before += scalar.size(),
-                PropertyType::Scalar(scalar) => after += scalar.size(),
-                PropertyType::List(..) if column == list => {}
-                PropertyType::List(..) => return None,
-            }
-        }
-        let PropertyType::List(count, item) = self.element.properties.get(list)?.kind else { return None };
-        let head = self.bytes.get(self.start + before..self.start + before + count.size())?;
-        // Few corners, so that the records cannot be longer than the file by much; others are walked.
-        let corners = usize::try_from(read_integer(head, count, self.order)).ok()?;
-        if !(3..=255).contains(&corners) {
-            return None;
-        }
-        let stride = before + count.size() + corners * item.size() + after;
-        Some(FixedFaces { before, stride, corners, count, item })
     }
 
     /// Reads faces that are expected to be alike; `None` where they turn out not to be, with nothing read.

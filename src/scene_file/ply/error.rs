@@ -83,6 +83,9 @@ pub enum PlyProblem {
     /// A folder, a pipe, a device.
     #[error("is not a regular file; name a PLY file")]
     NotAFile,
+    /// Whoever wanted it stopped it.
+    #[error("was not read to its end as reading was stopped; start again")]
+    Stopped,
     /// The first line is not `ply`.
     #[error("not a PLY file: it does not begin with the line `ply`; convert the mesh to PLY")]
     NotPly,

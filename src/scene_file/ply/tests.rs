@@ -498,6 +498,51 @@ fn size(mesh: &TriangleMesh) -> usize {
     mesh.positions.len() * 24 + mesh.triangles.len() * 12 + mesh.normals.as_ref().map_or(0, |n| n.len() * 12)
 }
 
+/// Piece by piece from a file and as a whole from memory, meshes are the same.
+#[test]
+fn what_is_read_piece_by_piece_is_what_is_read_as_a_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mesh.ply");
+    let many: Vec<usize> = vec![3; 60_000];
+    let quads: Vec<usize> = vec![4; 30_000];
+    let mut streamed = 0;
+    for format in FORMATS {
+        for bytes in [
+            plain(format),
+            rich(format),
+            polygons(format, &many),
+            polygons(format, &quads),
+            polygons(format, &[3, 5, 2]),
+        ] {
+            for bytes in [bytes.clone(), [&bytes[..], b"more"].concat(), bytes[..bytes.len() - 3].to_vec()] {
+                std::fs::write(&path, &bytes).unwrap();
+                let file = std::fs::File::open(&path).unwrap();
+                streamed += usize::from(stream::read(&file, bytes.len() as u64, &MeshReading::ALL).is_some());
+                let whole = load(&bytes);
+                match (read_ply(&path), whole) {
+                    (Ok(a), Ok(b)) => assert_eq!(a, b),
+                    (Err(a), Err(b)) => {
+                        let tail = |error: String| error.split("mesh.ply").last().unwrap().to_owned();
+                        assert_eq!(tail(a.to_string()), tail(b));
+                    }
+                    (a, b) => panic!("{format:?}: {a:?} and {b:?}"),
+                }
+                if let Ok((mesh, _)) = load(&bytes) {
+                    let reading = MeshReading { normals: false, uvs: false, progress: &|_, _| true };
+                    let plain = TriangleMesh { normals: None, uvs: None, ..mesh };
+                    assert_eq!(read_ply_with(&path, &reading).unwrap().0, plain);
+                }
+            }
+        }
+    }
+    assert!(streamed >= 12, "{streamed}");
+    // Stopped, and not taken for damaged.
+    std::fs::write(&path, polygons(Format::Little, &many)).unwrap();
+    let reading = MeshReading { progress: &|_, _| false, ..MeshReading::ALL };
+    let message = read_ply_with(&path, &reading).unwrap_err().to_string();
+    assert!(message.contains("stopped"), "{message}");
+}
+
 #[test]
 fn truncation_at_every_byte_is_an_error_and_never_a_panic() {
     for format in FORMATS {

@@ -1,0 +1,221 @@
+//! What is fuzzed, for `cargo fuzz` and for the driver that needs no other toolchain (`examples/mutate.rs`): each reader of files
+//! gets bytes, and must read or refuse them.
+
+use cardioid::math::Rgb;
+use cardioid::photons::{Photon, PhotonClass, PhotonMap, read_photon_maps, write_photon_file};
+use cardioid::render::MapKind;
+use cardioid::scene_file::mesh::{MeshReport, TriangleMesh};
+use cardioid::scene_file::obj::{ObjFile, parse_mtl_bytes, parse_obj_bytes};
+use cardioid::scene_file::ply::{MEMORY_FACTOR, parse_ply};
+use cardioid::scene_file::{parse_scene, parse_stl_bytes};
+use glam::Vec3;
+use std::path::Path;
+
+/// Names of the targets.
+pub(crate) const TARGETS: [&str; 5] = ["ply", "obj", "stl", "scene", "photons"];
+
+/// One execution: true where the bytes were read, false where they were refused.
+///
+/// # Panics
+/// Where something is wrong with the reader.
+pub(crate) fn execute(target: &str, bytes: &[u8]) -> bool {
+    match target {
+        "ply" => sound(parse_ply(bytes, Path::new("a.ply")).map_err(|error| error.to_string()), bytes),
+        "obj" => {
+            let mtl = parse_mtl_bytes(bytes, Path::new("a.mtl")).is_ok();
+            let obj = parse_obj_bytes(bytes, Path::new("a.obj")).map(ObjFile::into_mesh);
+            sound(obj.map_err(|error| error.to_string()), bytes) || mtl
+        }
+        "stl" => sound(parse_stl_bytes(bytes, Path::new("a.stl")).map_err(|error| error.to_string()), bytes),
+        "scene" => match std::str::from_utf8(bytes) {
+            Ok(text) => match parse_scene(text, Path::new("a.toml"), &[]) {
+                Ok(_) => true,
+                Err(error) => {
+                    assert!(error.to_string().contains("a.toml"), "{error}");
+                    false
+                }
+            },
+            Err(_) => false,
+        },
+        "photons" => {
+            // As it is, and with checksums that fit, or nothing would get past them.
+            let first = read_photon_maps(&mut &bytes[..], bytes.len() as u64).is_ok();
+            let sealed = sealed(bytes);
+            match read_photon_maps(&mut &sealed[..], sealed.len() as u64) {
+                Ok(file) => {
+                    for map in file.maps {
+                        assert!(map.photons.len() * 20 <= sealed.len());
+                        let map = PhotonMap::build(map.photons, map.emitted);
+                        assert_eq!(map.dropped(), 0);
+                    }
+                    true
+                }
+                Err(_) => first,
+            }
+        }
+        other => panic!("no target `{other}`"),
+    }
+}
+
+/// A mesh whose numbers are in range and which is not much larger than its file, or an error with a remedy.
+fn sound(result: Result<(TriangleMesh, MeshReport), String>, bytes: &[u8]) -> bool {
+    match result {
+        Ok((mesh, _)) => {
+            let count = mesh.positions.len() as u32;
+            assert!(mesh.triangles.iter().flatten().all(|&corner| corner < count));
+            let size = mesh.positions.len() * 24 + mesh.triangles.len() * 12;
+            assert!(size as u64 <= MEMORY_FACTOR * bytes.len() as u64 + 64, "{size} of {}", bytes.len());
+            true
+        }
+        Err(message) => {
+            assert!(message.contains("; "), "no remedy: {message}");
+            false
+        }
+    }
+}
+
+/// A file of photon maps with the checksums of what it holds, as far as it holds together.
+fn sealed(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    let length = bytes.len();
+    if length >= 64 {
+        bytes[16..24].copy_from_slice(&(length as u64).to_le_bytes());
+        let sum = blake3::hash(&bytes[..32]);
+        bytes[32..64].copy_from_slice(sum.as_bytes());
+    }
+    let mut at = 64;
+    while at + 16 <= length {
+        let mut size = [0; 8];
+        size.copy_from_slice(&bytes[at + 8..at + 16]);
+        let end = usize::try_from(u64::from_le_bytes(size)).ok().and_then(|size| (at + 16).checked_add(size));
+        let Some(end) = end.filter(|end| end.saturating_add(32) <= length) else { break };
+        let sum = blake3::hash(&bytes[at..end]);
+        bytes[end..end + 32].copy_from_slice(sum.as_bytes());
+        at = end + 32;
+    }
+    bytes
+}
+
+/// Small files that are sound, to begin with.
+pub(crate) fn seeds(target: &str) -> Vec<Vec<u8>> {
+    match target {
+        "ply" => {
+            let header = |format: &str, rest: &str| {
+                format!(
+                    "ply\nformat {format} 1.0\ncomment a\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n{rest}"
+                )
+            };
+            let faces = "element face 2\nproperty list uchar int vertex_indices\nend_header\n";
+            let ascii = header("ascii", faces) + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n";
+            let normals = "property double nx\nproperty double ny\nproperty double nz\nproperty float s\nproperty float t\n";
+            let rich = header("ascii", &(normals.to_owned() + "element other 1\nproperty list int short a\n" + faces))
+                + "0 0 0 0 0 1 0 0\n1 0 0 0 0 1 0 0\n1 1 0 0 0 0 0 0\n0 1 0 nan 0 1 0 0\n2 5 6\n4 0 1 2 3\n2 0 1\n";
+            let mut files = vec![ascii.into_bytes(), rich.into_bytes()];
+            for (format, big) in [("binary_little_endian", false), ("binary_big_endian", true)] {
+                let mut bytes = header(format, faces).into_bytes();
+                let float = |x: f32| if big { x.to_be_bytes() } else { x.to_le_bytes() };
+                let int = |x: i32| if big { x.to_be_bytes() } else { x.to_le_bytes() };
+                for [x, y] in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+                    [x, y, 0.0].iter().for_each(|&x| bytes.extend(float(x)));
+                }
+                for corners in [&[0, 1, 2][..], &[0, 2, 3]] {
+                    bytes.push(corners.len() as u8);
+                    corners.iter().for_each(|&corner| bytes.extend(int(corner)));
+                }
+                files.push(bytes);
+            }
+            files
+        }
+        "obj" => vec![
+            b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nusemtl red\nf 1/1/1 2//1 3//1\nf -4 -2 -1\n".to_vec(),
+            b"# a\no x\ng y\ns 1\nv 0 0 0 1.0\nv 1e3 -.5 nan\nv 1 1 \\\n 2\nf 1 2 3 # end\nl 1 2\np 1\nusemtl b\nf 3 2 1 2 3\n".to_vec(),
+            b"newmtl red\nKd 1 0 0\nKs .5 .5 .5\nNs 100\nNi 1.5\nd 0.5\nillum 7\nTf 1 1 1\nmap_Kd a.png\nnewmtl b\nTr 1\n".to_vec(),
+        ],
+        "stl" => {
+            let facet = |corners: &str| format!(" facet normal 0 0 1\n  outer loop\n{corners}  endloop\n endfacet\n");
+            let ascii = format!(
+                "solid a\n{}{}endsolid a\n",
+                facet("vertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\n"),
+                facet("vertex 0 0 0\nvertex 1e0 1 0\nvertex 0 1 -0\n")
+            );
+            let mut binary = vec![b' '; 80];
+            binary.extend(2u32.to_le_bytes());
+            for corners in [[0.0f32, 0.0, 1.0, 0.0, 1.0, 1.0], [0.0, 0.0, 1.0, 1.0, 0.0, 1.0]] {
+                binary.extend([0; 12]);
+                for corner in corners.chunks(2) {
+                    [corner[0], corner[1], 0.0].iter().for_each(|x| binary.extend(x.to_le_bytes()));
+                }
+                binary.extend([0; 2]);
+            }
+            vec![ascii.into_bytes(), binary]
+        }
+        "scene" => vec![
+            b"name = \"a\"\nunit = \"cm\"\n[parameters.size]\ndefault = 2.0\nhelp = \"a size\"\n[camera]\neye = [0, 1, 5]\nat = [0, 0, 0]\nfov = 40.0\n\
+[film]\nwidth = 64\nheight = 48\n[render]\nspp = 4\n[media.glass]\nior = 1.5\n[materials.grey]\ntype = \"lambert\"\nreflectance = 0.5\n\
+[materials.clear]\ntype = \"dielectric\"\ninside = \"glass\"\n[[shapes]]\nname = \"ball\"\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1.0\nmaterial = \"clear\"\n\
+[[shapes]]\ntype = \"quad\"\ncorner = [-1, 3, -1]\nedge-u = [2, 0, 0]\nedge-v = [0, 0, 2]\nmaterial = \"grey\"\nemission = { radiance = [10, 9, 8] }\n".to_vec(),
+            b"[materials.m]\ntype = \"mirror\"\nreflectance = [0.9, 0.9, 0.9]\n[[shapes]]\ntype = \"mesh\"\nvertices = [[0,0,0],[1,0,0],[0,1,0]]\nfaces = [[0,1,2]]\n\
+material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = { axis = [0, 1, 0], angle = 30 } }, { scale = 2 }]\n\
+[[lights]]\ntype = \"point\"\nposition = [0, 5, 0]\nintensity = [10, 10, 10]\n".to_vec(),
+        ],
+        "photons" => {
+            let photon = |i: usize| {
+                let x = i as f32;
+                let class = [PhotonClass::Direct, PhotonClass::Indirect, PhotonClass::Caustic][i % 3];
+                Photon::new(Vec3::new(x, 0.5 * x, -x), Rgb::splat(1.0 + x), Vec3::Y, Vec3::Y, class, 0.5)
+            };
+            let map = |count: usize| PhotonMap::build((0..count).map(photon).collect(), 100);
+            let (global, caustic) = (map(9), map(3));
+            let mut bytes = Vec::new();
+            let maps = [(MapKind::Global, &global), (MapKind::Caustic, &caustic)];
+            // A vector takes whatever is written.
+            let _ = write_photon_file(&mut bytes, "{}", &maps, None);
+            vec![bytes]
+        }
+        other => panic!("no target `{other}`"),
+    }
+}
+
+/// Words that a mutation puts in: of the formats, and numbers at the ends of their types.
+pub(crate) const WORDS: [&str; 40] = [
+    "property list uchar int ",
+    "property float ",
+    "element vertex ",
+    "element face ",
+    "end_header\n",
+    "format ascii 1.0\n",
+    "binary_little_endian",
+    "4294967295",
+    "18446744073709551615",
+    "-1",
+    "1e400",
+    "nan",
+    "inf",
+    "0",
+    "\n",
+    " ",
+    "\t",
+    "#",
+    "f ",
+    "v ",
+    "vn ",
+    "usemtl ",
+    "\\\n",
+    "//",
+    "-9223372036854775808",
+    "solid ",
+    "endloop\n",
+    "vertex ",
+    "facet ",
+    "[[shapes]]\n",
+    "[",
+    "]",
+    "{",
+    "}",
+    "\"",
+    " = ",
+    "= \"${size}\"\n",
+    "type = \"mesh\"\n",
+    "fit = { size = 1 }\n",
+    "group = \"a\"\n",
+];

@@ -1,0 +1,100 @@
+//! `cardioid photons`: pass 1 alone, into a file that any number of renders read.
+
+use super::picture::{Loaded, SceneArgs, load};
+use super::progress::{Console, catch_interrupts, interrupted};
+use super::settings::SettingsArgs;
+use anyhow::{Context, Result, bail};
+use cardioid::image_io;
+use cardioid::render::{PassOne, Settings, trace_photon_maps, write_photon_maps};
+use cardioid::scene_file::photon_content_hash;
+use clap::Args;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Trace photons into a file, for `render --photon-map`: from another camera, in another size, again
+#[derive(Args, Clone, Debug)]
+pub(crate) struct PhotonsArgs {
+    #[command(flatten)]
+    scene: SceneArgs,
+
+    /// File to write. Default: the scene's name in this folder, with .photons.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+
+    /// No progress bars and no summary.
+    #[arg(short, long)]
+    quiet: bool,
+
+    #[command(flatten)]
+    settings: SettingsArgs,
+}
+
+pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
+    catch_interrupts();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.scene.threads)
+        .build()
+        .context("cannot start the threads")?;
+    let output = match &args.output {
+        Some(output) => output.clone(),
+        None => PathBuf::from(args.scene.scene.file_stem().unwrap_or_default()).with_extension("photons"),
+    };
+    image_io::check_writable(&output)?;
+    if image_io::is_same_file(&output, &args.scene.scene) {
+        bail!("{} would overwrite the scene; give it another name", output.display());
+    }
+    let console = Console::new(args.quiet, None);
+    pool.install(|| {
+        console.busy("reading and building the scene");
+        let loaded = load(&args.scene, &console, &|| console.finish());
+        console.finish();
+        if let (Err(_), Some(code)) = (&loaded, interrupted()) {
+            eprintln!("stopped while the scene was read and built: no file was written");
+            return Ok(ExitCode::from(code));
+        }
+        let Loaded { description, built, estimate, .. } = loaded?;
+        let settings = Settings::from(&args.settings.over(&description.render));
+        // Without a limit, what is free decides before photons are traced.
+        if let Some(limit) = args.scene.memory_limit {
+            estimate.with_photons(&settings, &settings.plan(&built.scene)).check(Some(limit))?;
+        }
+        let (pass, plan) = trace_photon_maps(&built.scene, &settings, &console)?;
+        console.finish();
+        for warning in &pass.warnings {
+            eprintln!("warning: {warning}");
+        }
+        if let Some(code) = interrupted() {
+            eprintln!("stopped before all photons were traced: no file was written");
+            return Ok(ExitCode::from(code));
+        }
+        if pass.statistics.is_empty() {
+            bail!(
+                "this scene needs no photon map: nothing shines in it, or nothing diffuse is there to be lit ({})",
+                plan.global_map
+            );
+        }
+        let hash = photon_content_hash(&description).context("cannot hash the scene")?;
+        image_io::write_bytes(&output, |out| {
+            write_photon_maps(out, &built.scene, &hash, &settings, (&pass, &plan))
+        })?;
+        if !args.quiet {
+            summary(&pass);
+            eprintln!("wrote {}", output.display());
+        }
+        Ok(ExitCode::SUCCESS)
+    })
+}
+
+fn summary(pass: &PassOne) {
+    for map in &pass.statistics {
+        let name = serde_json::to_value(map.map).ok().and_then(|value| value.as_str().map(str::to_owned));
+        eprintln!(
+            "{} map: {} photons of {} emitted, {:.1} MB, {:.2} s",
+            name.unwrap_or_default(),
+            map.photons,
+            map.emitted,
+            map.bytes as f64 / 1e6,
+            map.seconds_tracing + map.seconds_building
+        );
+    }
+}

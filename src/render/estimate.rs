@@ -1,0 +1,139 @@
+//! What a render takes of the machine's memory, found out before meshes are read and photons traced.
+
+use super::memory::{MemoryError, PhotonCounts, at_worst, available_memory, finished};
+use super::settings::Settings;
+use crate::scene::RenderPlan;
+use crate::scene_file::{SceneDescription, mesh_sizes};
+use serde::Serialize;
+
+/// Bytes of Embree's hierarchy for each triangle: 67 on meshes of a million and more, and room.
+const HIERARCHY: u64 = 72;
+
+/// Bytes for each triangle while it is built, beside the finished hierarchy.
+const BUILDING: u64 = 40;
+
+/// Bytes of film for each pixel: sums of all layers, and twice their values while they are written.
+const FILM: u64 = 450;
+
+/// Bytes of the program and its libraries.
+const PROGRAM: u64 = 60_000_000;
+
+/// Bytes by what takes them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct MemoryEstimate {
+    /// Triangles of all mesh files.
+    pub triangles: u64,
+    /// Meshes of files, as Embree and the renderer read them.
+    pub meshes: u64,
+    /// What reading takes beside that, the files in turn.
+    pub reading: u64,
+    /// Embree's hierarchy.
+    pub hierarchy: u64,
+    /// What building takes beside that.
+    pub building: u64,
+    /// Photon maps and precomputed irradiance.
+    pub photons: u64,
+    /// What tracing photons and building their trees takes beside that.
+    pub tracing: u64,
+    /// The picture.
+    pub film: u64,
+}
+
+impl MemoryEstimate {
+    /// Of the meshes and the picture. Shapes that are written out in the scene file are small.
+    pub fn of_scene(scene: &SceneDescription, (width, height): (u32, u32)) -> Self {
+        let sizes = mesh_sizes(scene);
+        let triangles = sizes.iter().map(|size| size.triangles).fold(0, u64::saturating_add);
+        Self {
+            triangles,
+            meshes: sizes.iter().map(|size| size.bytes()).fold(0, u64::saturating_add),
+            reading: sizes.iter().map(|size| size.reading).max().unwrap_or(0),
+            hierarchy: triangles.saturating_mul(HIERARCHY),
+            building: triangles.saturating_mul(BUILDING),
+            film: FILM * u64::from(width) * u64::from(height),
+            ..Self::default()
+        }
+    }
+
+    /// With the photon maps that `settings` ask for.
+    #[must_use]
+    pub fn with_photons(self, settings: &Settings, plan: &RenderPlan) -> Self {
+        let counts = PhotonCounts::of(settings, plan);
+        let irradiance = plan.final_gather.build && settings.precomputed_irradiance;
+        let photons = finished(counts, irradiance) as u64;
+        Self { photons, tracing: (at_worst(counts, irradiance) as u64).saturating_sub(photons), ..self }
+    }
+
+    /// Bytes at the worst moment.
+    pub fn peak(&self) -> u64 {
+        let sum = |parts: &[u64]| parts.iter().copied().fold(PROGRAM, u64::saturating_add);
+        [
+            sum(&[self.meshes, self.reading]),
+            sum(&[self.meshes, self.hierarchy, self.building]),
+            sum(&[self.meshes, self.hierarchy, self.photons, self.tracing]),
+            sum(&[self.meshes, self.hierarchy, self.photons, self.film]),
+        ]
+        .into_iter()
+        .fold(0, u64::max)
+    }
+
+    /// Refuses what is beyond `limit`, or where there is none, beyond what the machine has free.
+    ///
+    /// # Errors
+    /// The estimate, part by part, and what to do.
+    pub fn check(&self, limit: Option<u64>) -> Result<(), MemoryError> {
+        self.check_against(limit, available_memory())
+    }
+
+    fn check_against(&self, limit: Option<u64>, available: Option<u64>) -> Result<(), MemoryError> {
+        match limit.or(available) {
+            Some(most) if self.peak() > most => {
+                Err(MemoryError::Scene { estimate: *self, most, is_limit: limit.is_some() })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A number of bytes as messages say it.
+pub(super) fn megabytes(bytes: u64) -> String {
+    match bytes {
+        0..10_000_000_000 => format!("{:.0} MB", bytes as f64 / 1e6),
+        _ => format!("{:.1} GB", bytes as f64 / 1e9),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_moment_counts_and_is_told_part_by_part() {
+        let estimate = MemoryEstimate {
+            triangles: 20_000_000,
+            meshes: 360_000_000,
+            reading: 100_000_000,
+            hierarchy: 1_440_000_000,
+            building: 800_000_000,
+            photons: 30_000_000,
+            tracing: 20_000_000,
+            film: 900_000_000,
+        };
+        assert_eq!(estimate.peak(), PROGRAM + 360_000_000 + 1_440_000_000 + 30_000_000 + 900_000_000);
+        assert!(estimate.check_against(Some(3_000_000_000), Some(1)).is_ok());
+        assert!(estimate.check_against(None, None).is_ok());
+        let message = estimate.check_against(Some(2_000_000_000), None).unwrap_err().to_string();
+        for part in [
+            "20.0 million triangles",
+            "2790 MB",
+            "meshes 360 MB",
+            "picture 900 MB",
+            "--memory-limit",
+            "2000 MB",
+        ] {
+            assert!(message.contains(part), "no `{part}` in {message}");
+        }
+        let message = estimate.check_against(None, Some(2_000_000_000)).unwrap_err().to_string();
+        assert!(message.contains("2000 MB are available"), "{message}");
+    }
+}

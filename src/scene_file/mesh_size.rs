@@ -1,0 +1,128 @@
+//! How large meshes are, from the heads of their files: what a scene takes is to be known before it is read.
+
+use super::description::{GeometryDescription, MeshNormals, SceneDescription};
+use super::ply::declared_size;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// Bytes of text for a vertex and the two triangles that come with it, as programs write them: an OBJ's `v` and two `f`.
+const OBJ_BYTES: u64 = 74;
+
+/// Bytes of text for a triangle of an ascii STL.
+const STL_TEXT: u64 = 250;
+
+/// Bytes of a triangle of a binary STL.
+const STL_RECORD: u64 = 50;
+
+/// Numbers of a mesh, known or guessed before it is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MeshSize {
+    /// Vertices.
+    pub vertices: u64,
+    /// Triangles.
+    pub triangles: u64,
+    /// Whether its vertices have normals that are wanted.
+    pub has_normals: bool,
+    /// Bytes that reading takes beside the finished mesh.
+    pub reading: u64,
+}
+
+impl MeshSize {
+    /// Bytes of the finished mesh.
+    pub fn bytes(&self) -> u64 {
+        let vertex = if self.has_normals { 24 } else { 12 };
+        self.vertices.saturating_mul(vertex).saturating_add(self.triangles.saturating_mul(12))
+    }
+}
+
+/// The meshes of a scene that come from files, by what the files say; what cannot be read now will be told when it is read.
+pub fn mesh_sizes(scene: &SceneDescription) -> Vec<MeshSize> {
+    let size = |geometry: &GeometryDescription| match geometry {
+        GeometryDescription::MeshFile { path, normals, .. } => mesh_size(path, *normals).ok(),
+        _ => None,
+    };
+    scene.shapes.iter().filter_map(|shape| size(&shape.value.geometry)).collect()
+}
+
+/// The size of one file.
+fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
+    /// Longer headers are rare, and such files small for their size.
+    const HEAD: u64 = 1 << 16;
+    let metadata = std::fs::metadata(path)?;
+    if !metadata.is_file() {
+        return Err(io::ErrorKind::InvalidInput.into());
+    }
+    let length = metadata.len();
+    let extension = path.extension().unwrap_or_default();
+    let mut size = if extension.eq_ignore_ascii_case("obj") {
+        let vertices = length / OBJ_BYTES;
+        // The file, positions of double precision twice, and a table of the corners that faces name.
+        let reading = length.saturating_add(vertices.saturating_mul(24 + 24 + 8 + 24));
+        MeshSize { vertices, triangles: 2 * vertices, has_normals: false, reading }
+    } else {
+        let mut head = Vec::new();
+        File::open(path)?.take(HEAD).read_to_end(&mut head)?;
+        if extension.eq_ignore_ascii_case("stl") {
+            let count = head
+                .get(80..84)
+                .map_or(0, |count| u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
+            let is_binary = count.checked_mul(STL_RECORD) == length.checked_sub(84);
+            let triangles = if is_binary { count } else { length / STL_TEXT };
+            // The file, and a table of places.
+            MeshSize {
+                vertices: triangles / 2,
+                triangles,
+                has_normals: false,
+                reading: length + 16 * triangles,
+            }
+        } else {
+            declared_size(&head, length).unwrap_or_default()
+        }
+    };
+    size.has_normals = match normals {
+        MeshNormals::FromFile => size.has_normals,
+        MeshNormals::Flat => false,
+        MeshNormals::Smooth => true,
+    };
+    if normals == MeshNormals::Smooth {
+        // Sums in double precision.
+        size.reading = size.reading.saturating_add(size.vertices.saturating_mul(24));
+    }
+    Ok(size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn sizes_are_those_of_the_meshes() {
+        let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes");
+        let size = mesh_size(&meshes.join("knot.ply"), MeshNormals::FromFile).unwrap();
+        let (mesh, _) = super::super::read_mesh_file(&meshes.join("knot.ply")).unwrap();
+        assert_eq!(
+            (size.vertices, size.triangles),
+            (mesh.positions.len() as u64, mesh.triangles.len() as u64)
+        );
+        assert_eq!(size.has_normals, mesh.normals.is_some());
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.stl");
+        let mut stl = vec![0; 80];
+        stl.extend(1000u32.to_le_bytes());
+        stl.resize(84 + 50_000, 0);
+        fs::write(&path, &stl).unwrap();
+        assert_eq!(mesh_size(&path, MeshNormals::Flat).unwrap().triangles, 1000);
+        // What a short file declares is not believed.
+        fs::write(&path, &stl[..100]).unwrap();
+        assert!(mesh_size(&path, MeshNormals::Flat).unwrap().triangles < 10);
+        let path = folder.path().join("a.ply");
+        let header = "ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\n\
+            property float z\nelement face 4000000000\nproperty list uchar int vertex_indices\nend_header\n";
+        fs::write(&path, header).unwrap();
+        let size = mesh_size(&path, MeshNormals::FromFile).unwrap();
+        assert!(size.bytes() + size.reading < 10_000, "{size:?}");
+        assert!(mesh_size(folder.path(), MeshNormals::Flat).is_err());
+    }
+}
