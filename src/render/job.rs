@@ -315,7 +315,12 @@ impl PixelPass<'_> {
             for index in first..first + count {
                 let mut samples = SampleStream::new(self.request.settings.seed, pixel, index);
                 let filtered = self.sampler.sample(samples.next_2d());
-                let ray = self.camera.ray((center + filtered.offset) / size);
+                let position = (center + filtered.offset) / size;
+                // A pinhole takes no numbers for a lens.
+                let ray = match self.camera.lens() {
+                    Some(_) => self.camera.ray_through(position, samples.next_2d()),
+                    None => self.camera.ray(position),
+                };
                 let mut sample = self.integrator.li(ray, &mut samples, scratch);
                 for aov in AOVS {
                     sample.radiance[aov as usize] = to_world(sample.radiance[aov as usize], scale);

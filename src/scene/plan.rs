@@ -51,8 +51,9 @@ impl ShadowMode {
     pub fn serves(self, light: &Light) -> bool {
         match (self, light) {
             (Self::Off, _) | (_, Light::Environment(_)) => false,
-            (_, Light::Area(_)) | (Self::AsPrinted, Light::Point(_) | Light::Directional(_)) => true,
-            (Self::Bounded, Light::Point(_) | Light::Directional(_)) => false,
+            (_, Light::Area(_) | Light::Sun(_)) => true,
+            (Self::AsPrinted, Light::Point(_) | Light::Spot(_) | Light::Directional(_)) => true,
+            (Self::Bounded, Light::Point(_) | Light::Spot(_) | Light::Directional(_)) => false,
         }
     }
 }

@@ -1,4 +1,4 @@
-use super::description::{GeometryDescription, SceneDescription};
+use super::description::{GeometryDescription, LightDescription, SceneDescription};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::obj::material_files;
 use std::fs::File;
@@ -39,6 +39,15 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
                     }
                 }
             }
+        }
+    }
+    for light in &scene.lights {
+        if let LightDescription::EnvironmentMap { image: path, .. }
+        | LightDescription::Profile { file: path, .. } = &light.value
+        {
+            let file = File::open(path)?;
+            hasher.update(&file.metadata()?.len().to_le_bytes());
+            hasher.update_reader(file)?;
         }
     }
     Ok(hasher.finalize().to_hex().to_string())

@@ -14,6 +14,7 @@ mod estimators;
 mod extremes;
 mod glossy;
 mod guide;
+mod lights;
 mod photon_pass;
 mod pictures;
 mod projection;
