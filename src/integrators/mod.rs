@@ -5,12 +5,14 @@
 
 mod direct;
 mod directions;
+mod light_importance;
 mod path;
 mod photon_map;
 mod specular;
 
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
 pub use directions::Directions;
+pub use light_importance::{SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{
     CachePass, CacheRequest, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses, ShowPhotons,

@@ -143,7 +143,7 @@ impl EnvironmentLight {
             Some(turned) => {
                 let (own, pdf) = turned.map.density.sample(u)?;
                 let over_pdf = self.radiance * turned.map.radiance(own) / pdf;
-                over_pdf.is_finite().then(|| (turned.from_map(own), over_pdf, pdf))
+                over_pdf.is_finite().then(|| (turned.outward(own), over_pdf, pdf))
             }
         }
     }
@@ -171,7 +171,7 @@ impl Turned {
         Vec3::new(cos * d.x - sin * d.z, d.y, sin * d.x + cos * d.z)
     }
 
-    fn from_map(&self, d: Vec3) -> Vec3 {
+    fn outward(&self, d: Vec3) -> Vec3 {
         let (cos, sin) = (self.turn.x, self.turn.y);
         Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
     }

@@ -1,6 +1,6 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
-use super::maps::{PassOne, build_maps, is_worth_a_warning};
+use super::maps::{PassOne, build_maps_for, is_worth_a_warning};
 use super::memory::MemoryError;
 use super::observer::Observer;
 use super::settings::{Settings, Show};
@@ -98,7 +98,7 @@ pub fn render(
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sampler = request.filter.sampler()?;
-    let pass_one = build_maps(scene, &plan, settings, observer)?;
+    let pass_one = build_maps_for(scene, Some(camera), &plan, settings, observer)?;
     if pass_one.cancelled {
         let statistics = statistics(scene, settings, plan, pass_one);
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });

@@ -4,11 +4,12 @@ use super::memory::{MemoryError, PhotonCounts};
 use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings, ShadowMode};
 use super::stats::{MapStatistics, PhotonStatistics, ShadowStatistics};
-use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
+use crate::camera::Camera;
+use crate::integrators::{PhotonMapSettings, PhotonMaps, light_importance, visible_domain};
 use crate::lights::LightId;
 use crate::photons::{
     DirectionGuide, EstimateParams, GuideParams, Kernel, PhotonClass, PhotonClasses, PhotonMap, PhotonTally,
-    TraceSettings, TracedPhotons, build_shadow_maps, trace_photons,
+    TraceSettings, TracedPhotons, build_shadow_maps, trace_photons_shared,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -118,12 +119,29 @@ pub fn build_maps(
     settings: &Settings,
     observer: &dyn Observer,
 ) -> Result<PassOne, MemoryError> {
+    build_maps_for(scene, None, plan, settings, observer)
+}
+
+/// [`build_maps`], photons shared out by what lights contribute to the picture of `camera` where the plan asks for that.
+///
+/// # Errors
+/// As [`build_maps`].
+pub fn build_maps_for(
+    scene: &Scene,
+    camera: Option<&Camera>,
+    plan: &RenderPlan,
+    settings: &Settings,
+    observer: &dyn Observer,
+) -> Result<PassOne, MemoryError> {
     let start = Instant::now();
     let counts = PhotonCounts::of(settings, plan);
     counts.check(settings, plan)?;
     let mut pass = PassOne::default();
     let limit = observer.deadline().map(|end| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE));
-    let mut builder = MapBuilder { scene, settings, observer, pass: &mut pass };
+    let budget = camera
+        .filter(|_| plan.photon_budget.build)
+        .and_then(|camera| light_importance(scene, camera, settings.seed));
+    let mut builder = MapBuilder { scene, settings, observer, budget, pass: &mut pass };
     let done = builder.build_all(plan, counts, limit);
     pass.cancelled = done.is_none();
     pass.seconds = start.elapsed().as_secs_f64();
@@ -171,6 +189,8 @@ struct MapBuilder<'a> {
     scene: &'a Scene,
     settings: &'a Settings,
     observer: &'a dyn Observer,
+    /// By light, factors on its photons.
+    budget: Option<Vec<f64>>,
     pass: &'a mut PassOne,
 }
 
@@ -236,7 +256,7 @@ impl MapBuilder<'_> {
             aimed: self.settings.aim_photons,
         };
         let start = Instant::now();
-        let traced = trace_photons(scene, &trace, &|done, total| {
+        let traced = trace_photons_shared(scene, &trace, self.budget.as_deref(), &|done, total| {
             observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
             !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
         })?;

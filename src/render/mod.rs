@@ -8,7 +8,7 @@ mod settings;
 mod stats;
 
 pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
-pub use maps::{MapReport, PassOne, build_maps};
+pub use maps::{MapReport, PassOne, build_maps, build_maps_for};
 pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
 pub use settings::*;

@@ -76,7 +76,7 @@ impl SphereDensity {
     /// `None` where the table is empty, or no value is positive, or one is not finite.
     pub fn new(width: usize, values: impl IntoIterator<Item = f32>) -> Option<Self> {
         let mut weights: Vec<f32> = values.into_iter().collect();
-        if width == 0 || weights.is_empty() || weights.len() % width != 0 {
+        if width == 0 || weights.is_empty() || !weights.len().is_multiple_of(width) {
             return None;
         }
         let height = weights.len() / width;

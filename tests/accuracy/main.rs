@@ -15,6 +15,7 @@ mod extremes;
 mod glossy;
 mod guide;
 mod lights;
+mod many_lights;
 mod photon_pass;
 mod pictures;
 mod projection;
