@@ -56,7 +56,10 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         let kind = match light {
             Light::Area(_) => "area light",
             Light::Point(_) => "point light",
+            Light::Spot(spot) if spot.is_profile() => "measured light",
+            Light::Spot(_) => "spot light",
             Light::Directional(_) => "parallel light",
+            Light::Sun(_) => "sun",
             Light::Environment(_) => "environment",
         };
         let flux = light.flux(scene.bounds().1) * flux_unit;

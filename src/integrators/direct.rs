@@ -2,7 +2,7 @@
 
 use super::{Directions, Scratch};
 use crate::bsdf::{Lobe, TransportMode};
-use crate::lights::LightId;
+use crate::lights::{LightId, Receiver};
 use crate::math::Rgb;
 use crate::media::MediumId;
 use crate::photons::{ShadowDecision, ShadowMaps};
@@ -10,9 +10,6 @@ use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, SurfaceInteraction};
 use glam::{Vec2, Vec3};
 use std::ops::AddAssign;
-
-/// Up to so many lights, each gets its own shadow rays; beyond, one is drawn in proportion to its flux.
-const LIGHTS_SAMPLED_EACH: usize = 8;
 
 /// What a surface reflects or transmits of the light that arrives straight from emitters, by lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,7 +23,7 @@ pub struct Reflected {
 /// Where a ray was drawn from, and its density within a smooth lobe: light that it hits was sampled there as well.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Drawn {
-    pub from: Vec3,
+    pub from: Receiver,
     pub pdf: f32,
 }
 
@@ -43,8 +40,10 @@ pub struct DirectLighting<'a> {
     shadows: Option<&'a ShadowMaps>,
 }
 
-/// A place that light arrives at, and what its photons said of the light asked for last.
-struct Receiver<'a> {
+/// A surface that light arrives at, and what its photons said of the light asked for last.
+struct Shaded<'a> {
+    /// The place as lights see it.
+    at: Receiver,
     hit: &'a SurfaceInteraction,
     directions: &'a Directions<'a>,
     medium: MediumId,
@@ -74,26 +73,29 @@ impl<'a> DirectLighting<'a> {
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Reflected {
-        let mut receiver = Receiver { hit, directions, medium, decided: None };
+        let at = receiver(self.scene, hit);
+        let mut receiver = Shaded { at, hit, directions, medium, decided: None };
         let mut sum = Reflected::default();
-        let Some(power) = self.scene.light_power() else { return sum };
+        if self.scene.light_power().is_none() {
+            return sum;
+        }
         let mut add = |found: Reflected| {
             sum.diffuse += found.diffuse;
             sum.glossy += found.glossy;
         };
-        if self.scene.lights().len() <= LIGHTS_SAMPLED_EACH {
-            for light in 0..self.scene.lights().len() {
-                let splits = samples.splits(self.samples);
-                for i in 0..self.samples {
-                    add(self.sample_light(&mut receiver, light, (1.0, splits.get(i)), scratch));
-                }
+        let choice = self.scene.light_choice();
+        for &light in choice.each() {
+            let splits = samples.splits(self.samples);
+            for i in 0..self.samples {
+                add(self.sample_light(&mut receiver, light as usize, (1.0, splits.get(i)), scratch));
             }
-        } else {
+        }
+        for group in choice.groups() {
             let choices: Splits = samples.splits(self.samples);
             let splits = samples.splits(self.samples);
             for i in 0..self.samples {
-                let (index, probability, _) = power.sample(refined(choices.get(i)));
-                add(self.sample_light(&mut receiver, index, (probability, splits.get(i)), scratch));
+                let Some((light, probability)) = group.sample(&at, refined(choices.get(i))) else { continue };
+                add(self.sample_light(&mut receiver, light as usize, (probability, splits.get(i)), scratch));
             }
         }
         let count = self.samples as f32;
@@ -104,16 +106,16 @@ impl<'a> DirectLighting<'a> {
     /// the light was chosen and the random numbers.
     fn sample_light(
         &self,
-        receiver: &mut Receiver<'_>,
+        receiver: &mut Shaded<'_>,
         index: usize,
         (probability, u): (f32, Vec2),
         scratch: &mut Scratch,
     ) -> Reflected {
         let nothing = Reflected::default();
         let light = &self.scene.lights()[index];
-        let Receiver { hit, directions, medium, .. } = *receiver;
+        let Shaded { at, hit, directions, medium, .. } = *receiver;
         let shading = directions.shading;
-        let Some(sample) = light.sample_li(hit.point.position, u) else {
+        let Some(sample) = light.sample_li(at, u) else {
             return nothing;
         };
         let (wo, wi) = (shading.wo_local, shading.frame.to_local(sample.wi));
@@ -176,10 +178,10 @@ impl<'a> DirectLighting<'a> {
         &self,
         drawn: Option<Drawn>,
         id: LightId,
-        pdf_of_light: impl FnOnce(Vec3) -> f32,
+        pdf_of_light: impl FnOnce(Receiver) -> f32,
     ) -> f32 {
         drawn.map_or(1.0, |drawn| {
-            power_heuristic(drawn.pdf, pdf_of_light(drawn.from) * self.choice_probability(id))
+            power_heuristic(drawn.pdf, pdf_of_light(drawn.from) * self.choice_probability(&drawn.from, id))
         })
     }
 
@@ -187,7 +189,7 @@ impl<'a> DirectLighting<'a> {
     #[inline]
     fn decision(
         &self,
-        receiver: &mut Receiver<'_>,
+        receiver: &mut Shaded<'_>,
         light: usize,
         scratch: &mut Scratch,
     ) -> Option<ShadowDecision> {
@@ -210,14 +212,17 @@ impl<'a> DirectLighting<'a> {
     }
 
     /// Probability with which [`Self::radiance`] chooses a light: what the pdf of its samples is multiplied by.
-    pub fn choice_probability(&self, light: LightId) -> f32 {
-        match self.scene.light_power() {
-            Some(power) if self.scene.lights().len() > LIGHTS_SAMPLED_EACH => {
-                power.probability(light as usize)
-            }
-            _ => 1.0,
-        }
+    pub fn choice_probability(&self, at: &Receiver, light: LightId) -> f32 {
+        self.scene.light_choice().probability(at, light)
     }
+}
+
+/// A hit as lights see it: with its normal where it only reflects, so that lights behind it are not drawn.
+#[inline]
+pub(super) fn receiver(scene: &Scene, hit: &SurfaceInteraction) -> Receiver {
+    let transmits = scene.material(hit).medium_on(true).is_some();
+    let normal = if transmits { Vec3::ZERO } else { hit.facing_normal() };
+    Receiver { position: hit.point.position, normal }
 }
 
 /// What shadow photons decided about one light.

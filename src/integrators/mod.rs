@@ -5,6 +5,7 @@
 
 mod direct;
 mod directions;
+mod light_importance;
 mod path;
 mod photon_map;
 mod receiver;
@@ -12,6 +13,7 @@ mod specular;
 
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
 pub use directions::Directions;
+pub use light_importance::{SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{
     CachePass, CacheRequest, Narrowing, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses,

@@ -2,7 +2,7 @@
 //! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it; photons may tell it where to look
 //! (Jensen 1995), which changes noise and nothing else.
 
-use super::direct::{DirectLighting, Drawn};
+use super::direct::{DirectLighting, Drawn, receiver};
 use super::specular::chain_roulette;
 use super::{Directions, Integrator, Irradiance, Receiver, Scratch, describe_first_hit};
 use crate::bsdf::Lobe;
@@ -13,6 +13,7 @@ use crate::media::MediumId;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
+use glam::Vec3;
 
 /// Surfaces after which roulette may end a path.
 const ROULETTE_DEPTH: u32 = 4;
@@ -89,10 +90,9 @@ impl<'a> PathTracer<'a> {
         area.emitted(hit.is_front()) * weight
     }
 
-    fn environment(&self, drawn: Option<Drawn>) -> Rgb {
-        let Some(id) = self.scene.environment() else { return Rgb::ZERO };
-        let Light::Environment(sky) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        sky.radiance * self.direct.weight(drawn, id, |_| 1.0 / (4.0 * std::f32::consts::PI))
+    /// Light from outside along a ray that meets nothing.
+    fn outside(&self, direction: Vec3, drawn: Option<Drawn>) -> Rgb {
+        self.scene.outside(direction, |id, pdf| self.direct.weight(drawn, id, |_| pdf()))
     }
 }
 
@@ -157,7 +157,7 @@ impl PathTracer<'_> {
             state.throughput /= brightest;
         }
         state.drawn = (sample.lobe != Lobe::Specular)
-            .then_some(Drawn { from: hit.point.position, pdf: sample.pdf_solid_angle });
+            .then_some(Drawn { from: receiver(self.scene, hit), pdf: sample.pdf_solid_angle });
         state.class = state.class.after(sample.lobe);
         state.medium = medium;
         state.ray = hit.spawn(direction);
@@ -179,7 +179,10 @@ impl PathTracer<'_> {
             scratch.counters.depth_sum += 1;
             scratch.counters.path_rays += u64::from(depth > 0);
             let Some(hit) = self.scene.intersect(&state.ray) else {
-                out.add(state.class.part(), state.throughput * self.environment(state.drawn));
+                out.add(
+                    state.class.part(),
+                    state.throughput * self.outside(state.ray.direction, state.drawn),
+                );
                 return;
             };
             if depth == 0 {

@@ -1,4 +1,5 @@
-use super::LightSample;
+use super::tree::{LightBounds, LightTree};
+use super::{LightSample, Receiver};
 use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Rgb, unit_f64};
 use crate::sampling::{Distribution1D, ONE_MINUS_EPSILON, refined};
@@ -12,6 +13,8 @@ pub struct AreaLight {
     pieces: Vec<EmitterShape>,
     /// Pieces in proportion to their area.
     choice: Distribution1D,
+    /// Pieces by what they may contribute to a place; where they are many. Power is area.
+    tree: Option<LightTree>,
     radiance: Rgb,
     two_sided: bool,
     /// Emits on the side opposite to the shape's own normal.
@@ -43,6 +46,9 @@ impl EmissionStart {
     }
 }
 
+/// Up to so many pieces are chosen by area alone.
+const FEW_PIECES: usize = 8;
+
 impl AreaLight {
     /// A light of these pieces (one for an exact shape, one for each triangle of a mesh). `None` where there is none.
     pub fn new(pieces: Vec<EmitterShape>, radiance: Rgb, two_sided: bool, flip_normal: bool) -> Option<Self> {
@@ -50,7 +56,18 @@ impl AreaLight {
         let extent = pieces.iter().map(|piece| piece.bounds().radius()).fold(0.0, f64::max) as f32;
         let sides = if two_sided { 2.0 } else { 1.0 };
         let area_over_pdf = (sides * choice.total()) as f32;
-        Some(Self { pieces, choice, radiance, two_sided, flip_normal, area_over_pdf, extent })
+        let many = pieces.len() > FEW_PIECES;
+        let bounds = |piece: &EmitterShape| piece_bounds(piece, two_sided, flip_normal);
+        let tree = if many { LightTree::new(&pieces.iter().map(bounds).collect::<Vec<_>>()) } else { None };
+        Some(Self { pieces, choice, tree, radiance, two_sided, flip_normal, area_over_pdf, extent })
+    }
+
+    /// What bounds the light of all pieces.
+    pub(super) fn bounds(&self) -> Option<LightBounds> {
+        let pieces = || self.pieces.iter().map(|piece| piece_bounds(piece, self.two_sided, self.flip_normal));
+        let of_area =
+            self.tree.as_ref().map(|tree| *tree.whole()).or_else(|| pieces().reduce(LightBounds::union))?;
+        Some(LightBounds { power: of_area.power * f64::from(self.radiance.max_element()), ..of_area })
     }
 
     /// Radiance it emits.
@@ -102,8 +119,15 @@ impl AreaLight {
         }
     }
 
-    pub(super) fn sample_li(&self, from: Vec3, u: Vec2) -> Option<LightSample> {
-        let (piece, probability, u) = self.choose(u);
+    pub(super) fn sample_li(&self, at: &Receiver, u: Vec2) -> Option<LightSample> {
+        let from = at.position;
+        let (piece, probability, u) = match &self.tree {
+            Some(tree) => {
+                let (piece, probability, rest) = tree.sample(at, refined(u))?;
+                (piece, probability, Vec2::new(rest, u.y))
+            }
+            None => self.choose(u),
+        };
         let reference = from.as_dvec3();
         let sample = match self.dome(from) {
             Some(sphere) => sphere.sample_inside(reference, u)?,
@@ -135,15 +159,21 @@ impl AreaLight {
         .filter(|sample| sample.radiance_over_pdf.is_finite())
     }
 
-    /// Density per solid angle with which [`super::Light::sample_li`] draws, from `from`, the direction to `position` on
-    /// primitive `primitive` of the surface.
-    pub fn pdf_solid_angle(&self, from: Vec3, primitive: u32, position: Vec3) -> f32 {
+    /// Density per solid angle with which [`super::Light::sample_li`] draws, for the receiver, the direction to `position`
+    /// on primitive `primitive` of the surface.
+    pub fn pdf_solid_angle(&self, at: impl Into<Receiver>, primitive: u32, position: Vec3) -> f32 {
+        let at = at.into();
+        let from = at.position;
         if self.dome(from).is_some() {
             return Sphere::PDF_INSIDE;
         }
         let piece = if self.pieces.len() == 1 { 0 } else { primitive as usize };
         let Some(shape) = self.pieces.get(piece) else { return 0.0 };
-        self.choice.probability(piece) * shape.pdf_solid_angle(from.as_dvec3(), position.as_dvec3())
+        let probability = match &self.tree {
+            Some(tree) => tree.probability(&at, piece),
+            None => self.choice.probability(piece),
+        };
+        probability * shape.pdf_solid_angle(from.as_dvec3(), position.as_dvec3())
     }
 
     /// Draws where a photon leaves: uniform over the area, and over the sides where both emit.
@@ -226,6 +256,25 @@ impl AreaLight {
     #[inline]
     fn is_chosen(&self) -> bool {
         self.pieces.len() > 1
+    }
+}
+
+/// What bounds the light of a piece for a radiance of one.
+fn piece_bounds(piece: &EmitterShape, two_sided: bool, flip_normal: bool) -> LightBounds {
+    let patch = piece.patch(Vec2::ZERO, Vec2::ONE);
+    // Seen from afar a sphere shows a quarter of its area, and a cylinder no more than the part of one over pi.
+    let shown = match piece {
+        EmitterShape::Sphere(_) => 0.25,
+        EmitterShape::Cylinder(_) => std::f64::consts::FRAC_1_PI,
+        _ => 1.0,
+    };
+    LightBounds {
+        bounds: piece.bounds(),
+        power: piece.area() * shown,
+        axis: if flip_normal { -patch.axis } else { patch.axis },
+        spread: patch.spread,
+        reach: std::f64::consts::FRAC_PI_2,
+        two_sided,
     }
 }
 

@@ -5,11 +5,22 @@
 //! carries the power factor of [`crate::scene::RenderSpace`], flux the squared length scale as well.
 
 mod area;
+mod choice;
+mod environment;
+mod sky;
+mod spot;
+mod sun;
+mod tree;
 
 pub use area::{AreaLight, EmissionStart};
+pub use choice::{LIGHTS_SAMPLED_EACH, LightChoice, LightGroup};
+pub use environment::{EnvironmentLight, EnvironmentMap, Mended};
+pub use sky::{SUN_ANGULAR_RADIUS, Sky};
+pub use spot::{Cone, Profile, ProfileTable, SpotLight};
+pub use sun::SunLight;
+pub use tree::{LightBounds, LightTree};
 
 use crate::math::{Rgb, unit};
-use crate::sampling::warp;
 use glam::{DVec3, Vec2, Vec3};
 use std::f32::consts::PI;
 
@@ -23,10 +34,29 @@ pub enum Light {
     Area(AreaLight),
     /// Equal intensity in all directions from one point.
     Point(PointLight),
+    /// An intensity for each direction from one point.
+    Spot(SpotLight),
     /// Parallel light.
     Directional(DirectionalLight),
-    /// The same radiance from everywhere outside.
+    /// A disc outside, of equal radiance.
+    Sun(SunLight),
+    /// Light from everywhere outside.
     Environment(EnvironmentLight),
+}
+
+/// A place that light arrives at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Receiver {
+    /// Position.
+    pub position: Vec3,
+    /// Unit normal of a surface on the side that reflects; zero where light from all sides counts.
+    pub normal: Vec3,
+}
+
+impl From<Vec3> for Receiver {
+    fn from(position: Vec3) -> Self {
+        Self { position, normal: Vec3::ZERO }
+    }
 }
 
 /// Equal intensity in all directions.
@@ -47,13 +77,6 @@ pub struct DirectionalLight {
     pub irradiance: Rgb,
 }
 
-/// The same radiance from every direction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EnvironmentLight {
-    /// Radiance.
-    pub radiance: Rgb,
-}
-
 /// A direction from which light may arrive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
@@ -72,10 +95,26 @@ pub struct LightSample {
 }
 
 impl Light {
-    /// Draws a direction from which the light reaches `from`. `None` where this `u` sends nothing there.
-    pub fn sample_li(&self, from: Vec3, u: Vec2) -> Option<LightSample> {
+    /// Draws a direction from which the light reaches a place. `None` where this `u` sends nothing there.
+    pub fn sample_li(&self, at: impl Into<Receiver>, u: Vec2) -> Option<LightSample> {
+        let at = at.into();
+        let from = at.position;
         match self {
-            Self::Area(area) => area.sample_li(from, u),
+            Self::Area(area) => area.sample_li(&at, u),
+            Self::Spot(spot) => spot.arriving(from).map(|(wi, arriving, distance)| LightSample {
+                wi,
+                radiance_over_pdf: arriving,
+                pdf_solid_angle: f32::INFINITY,
+                target: Some(spot.position),
+                distance,
+            }),
+            Self::Sun(sun) => Some(LightSample {
+                wi: sun.sample(u),
+                radiance_over_pdf: sun.radiance * sun.solid_angle(),
+                pdf_solid_angle: sun.pdf_inside(),
+                target: None,
+                distance: 0.0,
+            }),
             Self::Point(point) => {
                 let to_light = point.position - from;
                 let wi = unit(to_light)?;
@@ -96,13 +135,53 @@ impl Light {
                 target: None,
                 distance: 0.0,
             }),
-            Self::Environment(environment) => Some(LightSample {
-                wi: warp::square_to_sphere(u),
-                radiance_over_pdf: environment.radiance * (4.0 * PI),
-                pdf_solid_angle: 1.0 / (4.0 * PI),
-                target: None,
-                distance: 0.0,
-            }),
+            Self::Environment(environment) => {
+                let (wi, radiance_over_pdf, pdf_solid_angle) = environment.sample(u)?;
+                Some(LightSample { wi, radiance_over_pdf, pdf_solid_angle, target: None, distance: 0.0 })
+            }
+        }
+    }
+
+    /// Radiance from outside along the unit `direction`, which leads away from the scene. `None` for lights that a ray into
+    /// the open cannot meet, or does not.
+    pub fn outside(&self, direction: Vec3) -> Option<Rgb> {
+        match self {
+            Self::Environment(environment) => Some(environment.radiance_from(direction)),
+            Self::Sun(sun) if sun.covers(direction) => Some(sun.radiance),
+            _ => None,
+        }
+    }
+
+    /// Density per solid angle with which [`Self::sample_li`] draws a direction for which [`Self::outside`] is something.
+    pub fn outside_pdf(&self, direction: Vec3) -> f32 {
+        match self {
+            Self::Environment(environment) => environment.pdf_solid_angle(direction),
+            Self::Sun(sun) => sun.pdf_inside(),
+            _ => 0.0,
+        }
+    }
+
+    /// What bounds its light; `None` for light from outside.
+    pub fn bounds(&self) -> Option<LightBounds> {
+        match self {
+            Self::Area(area) => area.bounds(),
+            Self::Point(point) => {
+                Some(LightBounds::point(point.position.as_dvec3(), point.intensity.max_element().into()))
+            }
+            Self::Spot(spot) => {
+                let peak = f64::from(spot.peak().max_element());
+                let (axis, reach) = spot.extent();
+                let point = LightBounds::point(spot.position.as_dvec3(), peak);
+                // A little more than the cone itself, for rounding; intensity does not fall with the cosine, so all of it is
+                // normals.
+                Some(LightBounds {
+                    axis: axis.as_dvec3(),
+                    spread: f64::from(reach) + 1e-4,
+                    reach: 1e-3,
+                    ..point
+                })
+            }
+            Self::Directional(_) | Self::Sun(_) | Self::Environment(_) => None,
         }
     }
 
@@ -112,19 +191,22 @@ impl Light {
         match self {
             Self::Area(area) => area.flux(),
             Self::Point(point) => point.intensity.as_dvec3() * (4.0 * std::f64::consts::PI),
+            Self::Spot(spot) => spot.flux(),
             Self::Directional(sun) => sun.irradiance.as_dvec3() * disc,
-            Self::Environment(environment) => environment.radiance.as_dvec3() * (f64::from(4.0 * PI) * disc),
+            // Each direction sends through the disc that faces it.
+            Self::Sun(sun) => sun.radiance.as_dvec3() * (f64::from(sun.solid_angle()) * disc),
+            Self::Environment(environment) => environment.integral() * disc,
         }
     }
 
     /// True where no ray hits the light by chance.
     pub fn is_delta(&self) -> bool {
-        matches!(self, Self::Point(_) | Self::Directional(_))
+        matches!(self, Self::Point(_) | Self::Spot(_) | Self::Directional(_))
     }
 
     /// True for light that comes from outside the scene.
     pub fn is_at_infinity(&self) -> bool {
-        matches!(self, Self::Directional(_) | Self::Environment(_))
+        matches!(self, Self::Directional(_) | Self::Sun(_) | Self::Environment(_))
     }
 
     /// True for light from everywhere outside.
@@ -138,7 +220,8 @@ impl Light {
     pub fn needs_bsdf_sampling(&self) -> bool {
         match self {
             Self::Area(area) => area.needs_bsdf_sampling(),
-            Self::Point(_) | Self::Directional(_) => false,
+            // The sun is drawn by its solid angle, as small as it is.
+            Self::Point(_) | Self::Spot(_) | Self::Directional(_) | Self::Sun(_) => false,
             Self::Environment(_) => true,
         }
     }
@@ -156,6 +239,8 @@ impl Light {
                 })
                 .collect(),
             Self::Point(point) => vec![(point.position, Vec3::ZERO)],
+            Self::Spot(spot) => vec![(spot.position, Vec3::ZERO)],
+            Self::Sun(sun) => vec![(sun.towards() * 10.0, Vec3::ZERO)],
             // Render space fits the unit sphere.
             Self::Directional(sun) => vec![(sun.direction * -10.0, Vec3::ZERO)],
             Self::Environment(_) => vec![(Vec3::new(0.0, 10.0, 0.0), Vec3::ZERO)],

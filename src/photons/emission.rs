@@ -74,9 +74,21 @@ impl<'a> Emitter<'a> {
                 let targets = clustered(&others.copied().collect::<Vec<_>>(), MOST_TARGETS);
                 let map = match light {
                     Light::Area(area) => HeadingMap::of_area(area, &targets),
-                    Light::Point(point) => HeadingMap::of_point(point, &targets),
-                    Light::Directional(sun) => HeadingMap::of_parallel(sun.direction, bounds, &targets),
-                    Light::Environment(_) => None,
+                    Light::Point(point) => {
+                        HeadingMap::of_point(point.position, warp::square_to_sphere, &targets)
+                    }
+                    Light::Spot(spot) if spot.has_even_squares() => {
+                        let to_direction = |u| spot.sample(u).map_or(Vec3::Z, |(direction, _)| direction);
+                        HeadingMap::of_point(spot.position, to_direction, &targets)
+                    }
+                    Light::Directional(sun) => {
+                        HeadingMap::of_parallel((sun.direction, 0.0), bounds, &targets)
+                    }
+                    Light::Sun(sun) if sun.angular_radius() < 0.1 => {
+                        HeadingMap::of_parallel((-sun.towards(), sun.angular_radius()), bounds, &targets)
+                    }
+                    // Directions in proportion to luminance, places on the disc around the scene.
+                    Light::Spot(_) | Light::Sun(_) | Light::Environment(_) => None,
                 };
                 (map.map_or(Aim::Everywhere, Aim::Objects), flux)
             }
@@ -145,21 +157,53 @@ impl<'a> Emitter<'a> {
                 let ray = Ray::new(point.position, direction);
                 Some(EmittedPhoton { ray, power: point.intensity * per_pdf, back: false })
             }
+            Light::Spot(spot) => {
+                let (direction, power) = match &self.aim {
+                    Aim::Casters(map) => {
+                        let (direction, per_pdf) =
+                            map.depart(place).cell.aim(spot.position, None, heading)?;
+                        (direction, spot.intensity * (spot.factor(direction) * per_pdf))
+                    }
+                    Aim::Objects(map) => {
+                        let (heading, factor) = map.warp(heading);
+                        let (direction, power) = spot.sample(heading)?;
+                        (direction, power * factor)
+                    }
+                    _ => spot.sample(heading)?,
+                };
+                let ray = Ray::new(spot.position, direction);
+                (power.max_element() > 0.0).then_some(EmittedPhoton { ray, power, back: false })
+            }
             Light::Directional(sun) => {
-                let (ray, area) = self.enter(sun.direction, place)?;
+                let (ray, area) = self.enter(Frame::from_z(sun.direction), place)?;
                 Some(EmittedPhoton { ray, power: sun.irradiance * area, back: false })
             }
-            Light::Environment(environment) => {
-                let (ray, area) = self.enter(warp::square_to_sphere(heading), place)?;
+            Light::Sun(sun) => {
+                // The axes of the disc turn with the direction, so that a map of the disc holds for all of them.
+                let (direction, across) = (-sun.sample(heading), Frame::from_z(-sun.towards()).x);
+                let (ray, area) = self.enter(Frame::with_tangent(direction, across), place)?;
+                let power = sun.radiance * (sun.solid_angle() * area);
+                Some(EmittedPhoton { ray, power, back: false })
+            }
+            Light::Environment(environment) if environment.is_constant() => {
+                let direction = warp::square_to_sphere(heading);
+                let (ray, area) = self.enter(Frame::from_z(direction), place)?;
                 let power = environment.radiance * (4.0 * PI * area);
                 Some(EmittedPhoton { ray, power, back: false })
+            }
+            Light::Environment(environment) => {
+                let (towards, over_pdf, _) = environment.sample(heading)?;
+                let (ray, area) = self.enter(Frame::from_z(-towards), place)?;
+                let power = over_pdf * area;
+                (power.max_element() > 0.0).then_some(EmittedPhoton { ray, power, back: false })
             }
         }
     }
 
-    /// A ray of parallel light along `direction` from outside the scene, and the area that it stands for.
-    fn enter(&self, direction: Vec3, u: Vec2) -> Option<(Ray, f32)> {
+    /// A ray of light along the z of `frame` from outside the scene, and the area that it stands for.
+    fn enter(&self, frame: Frame, u: Vec2) -> Option<(Ray, f32)> {
         let (center, radius) = self.bounds;
+        let direction = frame.z;
         let (point, area) = match &self.aim {
             Aim::Discs(map) => map.sample(direction, u)?,
             aim => {
@@ -167,7 +211,7 @@ impl<'a> Emitter<'a> {
                     Aim::Objects(map) => map.warp(u),
                     _ => (u, 1.0),
                 };
-                let (frame, d) = (Frame::from_z(direction), warp::square_to_disc(u) * radius);
+                let d = warp::square_to_disc(u) * radius;
                 (center + frame.x * d.x + frame.y * d.y, PI * radius * radius * factor)
             }
         };
@@ -196,9 +240,19 @@ fn aim_at_casters(light: &Light, (_, radius): (Vec3, f32), casters: &[Target]) -
             let flux = map.area() * f64::from(sun.irradiance.max_element());
             (Aim::Discs(map), flux)
         }
+        Light::Spot(spot) => {
+            let map = ProjectionMap::of_spot(spot, casters)?;
+            let flux = map.flux() * f64::from(spot.intensity.max_element());
+            (Aim::Casters(map), flux)
+        }
+        Light::Sun(sun) => {
+            let map = DiscMap::new(casters)?;
+            let flux = map.area() * f64::from(sun.solid_angle() * sun.radiance.max_element());
+            (Aim::Discs(map), flux)
+        }
         Light::Environment(environment) => {
             let map = DiscMap::new(casters)?;
-            let flux = map.area() * f64::from(4.0 * PI * environment.radiance.max_element());
+            let flux = map.area() * environment.integral().max_element();
             (Aim::Discs(map), flux)
         }
     })

@@ -4,7 +4,7 @@
 //! the scene): equal squares carry equal flux, so that photons keep equal power wherever there is something to hit.
 
 use super::direction_bins::Cone;
-use crate::lights::{AreaLight, PointLight};
+use crate::lights::AreaLight;
 use crate::math::Frame;
 use crate::sampling::{Distribution2D, warp};
 use crate::scene::Target;
@@ -68,23 +68,28 @@ impl HeadingMap {
         })
     }
 
-    /// For a point light, whose directions are [`warp::square_to_sphere`].
-    pub(super) fn of_point(light: &PointLight, targets: &[Target]) -> Option<Self> {
-        let cones = cones(light.position, 0.0, targets);
+    /// For a light at a point whose directions are `to_direction` of the square: latitudes of the first coordinate and
+    /// longitudes of the second, as [`warp::square_to_sphere`].
+    pub(super) fn of_point(
+        position: Vec3,
+        to_direction: impl Fn(Vec2) -> Vec3,
+        targets: &[Target],
+    ) -> Option<Self> {
+        let cones = cones(position, 0.0, targets);
         let size = 1.0 / SIDE as f32;
         Self::new(|corner| {
-            let middle = warp::square_to_sphere(corner + 0.5 * size);
+            let middle = to_direction(corner + 0.5 * size);
             // The farthest point of a rectangle of latitudes and longitudes is one of its corners.
             let corners = [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE];
-            let chord = corners.map(|c| (warp::square_to_sphere(corner + c * size) - middle).length());
+            let chord = corners.map(|c| (to_direction((corner + c * size).min(Vec2::ONE)) - middle).length());
             meets(&cones, middle, chord.into_iter().fold(0.0, f32::max))
         })
     }
 
     /// For parallel light along `direction` that starts on the disc around the scene by [`warp::square_to_disc`] in the
-    /// frame of the direction.
+    /// frame of the direction, and is within the angle `spread` (small, radians) of it.
     pub(super) fn of_parallel(
-        direction: Vec3,
+        (direction, spread): (Vec3, f32),
         (center, radius): (Vec3, f32),
         targets: &[Target],
     ) -> Option<Self> {
@@ -93,7 +98,9 @@ impl HeadingMap {
             .iter()
             .map(|target| {
                 let local = frame.to_local(target.center - center);
-                (local.truncate(), target.radius * (1.0 + 1e-5) + 1e-6 * radius)
+                // How far a disc turned by the spread may move a point.
+                let moved = 2.0 * spread * (local.length() + target.radius);
+                (local.truncate(), target.radius * (1.0 + 1e-5) + 1e-6 * radius + moved)
             })
             .collect();
         Self::new(|corner| {
@@ -144,6 +151,7 @@ fn on_disc(corner: Vec2) -> (Vec2, f32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lights::PointLight;
     use crate::math::{Ray, Rgb, unit};
     use crate::sampling::{Rng, Stream};
     use crate::shapes::{Disc, EmitterShape, Quad};
@@ -187,8 +195,8 @@ mod tests {
             let bounds = (Vec3::ZERO, 2.0);
             let all = [
                 HeadingMap::of_area(&light, &targets),
-                HeadingMap::of_point(&point, &targets),
-                HeadingMap::of_parallel(direction, bounds, &targets),
+                HeadingMap::of_point(point.position, warp::square_to_sphere, &targets),
+                HeadingMap::of_parallel((direction, 0.0), bounds, &targets),
             ];
             for (kind, map) in all.into_iter().enumerate() {
                 let Some(map) = map else { continue };
@@ -223,7 +231,7 @@ mod tests {
     fn factors_are_those_of_a_density() {
         let targets = [Target { center: Vec3::X, radius: 0.3, density: 0.0, surface: 0 }];
         let point = PointLight { position: Vec3::ZERO, intensity: Rgb::ONE };
-        let map = HeadingMap::of_point(&point, &targets).unwrap();
+        let map = HeadingMap::of_point(point.position, warp::square_to_sphere, &targets).unwrap();
         let n = 512;
         let (mut sum, mut most): (f64, f32) = (0.0, 0.0);
         let mut seen = vec![false; SIDE * SIDE];

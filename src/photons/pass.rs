@@ -75,7 +75,18 @@ pub fn trace_photons(
     settings: &TraceSettings,
     progress: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Option<TracedPhotons> {
-    let sources = Sources::new(scene, settings.kind, settings.aimed);
+    trace_photons_shared(scene, settings, None, progress)
+}
+
+/// [`trace_photons`] where each light gets as many photons times its number of `budget`, before all are scaled to what is asked
+/// for. Numbers are positive; they change noise, and no light.
+pub fn trace_photons_shared(
+    scene: &Scene,
+    settings: &TraceSettings,
+    budget: Option<&[f64]>,
+    progress: &(dyn Fn(u64, u64) -> bool + Sync),
+) -> Option<TracedPhotons> {
+    let sources = Sources::new(scene, settings.kind, settings.aimed, budget);
     if settings.stored == 0 || sources.is_dark() {
         return Some(TracedPhotons {
             photons: Vec::new(),
@@ -121,7 +132,7 @@ fn trace_alone(
     emitted: u64,
     observe: &mut impl FnMut(&Ray),
 ) -> (Vec<Photon>, u64) {
-    let sources = Sources::new(scene, settings.kind, settings.aimed);
+    let sources = Sources::new(scene, settings.kind, settings.aimed, None);
     let shares = sources.shares(emitted);
     let batch = Batch { scene, settings, sources: &sources, stream: Stream::Measure, shares };
     let (mut photons, mut rays) = (Vec::new(), 0);

@@ -6,7 +6,7 @@
 //! is then aimed at the sphere itself as seen from where it starts, with the density of all spheres in that direction.
 
 use super::direction_bins::{Cone, DirectionBins};
-use crate::lights::{AreaLight, PointLight};
+use crate::lights::{AreaLight, PointLight, SpotLight};
 use crate::math::{Frame, unit};
 use crate::sampling::{Distribution1D, Distribution2D, ONE_MINUS_EPSILON, warp};
 use crate::scene::Target;
@@ -134,10 +134,16 @@ impl Place {
             size: Vec2::ONE,
         }
     }
+
+    /// A point that emits within a cone.
+    pub(super) fn of_spot(light: &SpotLight) -> Self {
+        let (axis, limit) = light.extent();
+        Self { axis, limit, ..Self::at(light.position) }
+    }
 }
 
 impl PositionCell {
-    fn new(place: &Place, light: Option<&AreaLight>, targets: &[Target]) -> Self {
+    fn new(place: &Place, light: Shining<'_>, targets: &[Target]) -> Self {
         let (mut casters, mut cones, mut fluxes) = (Vec::new(), Vec::new(), Vec::new());
         for target in targets {
             let cone = Cone::of(place.center, place.radius, target);
@@ -221,22 +227,45 @@ fn start_and_direction(i: u32) -> (Vec2, Vec2) {
     (u, (Vec2::new(u.y, u.x) + Vec2::new(0.5 / SAMPLES as f32, 0.618)).fract())
 }
 
+/// What shines from a place.
+#[derive(Clone, Copy)]
+enum Shining<'a> {
+    /// A surface.
+    Area(&'a AreaLight),
+    /// A point, alike in all directions.
+    Point,
+    /// A point, by direction.
+    Spot(&'a SpotLight),
+}
+
 /// Samples of a cell by which photons are divided among casters and cells.
 const SAMPLES: u32 = 16;
 
 /// What a cell sends towards a target, per area and radiance (the cosine included) where it is part of a surface, per
 /// intensity otherwise, without what lies in between: the root of the mean square over starts in the cell, the division of
 /// photons with the least variance of their power.
-fn flux_towards(place: &Place, light: Option<&AreaLight>, target: &Target) -> f64 {
-    let everything = if light.is_some() { PI } else { 4.0 * PI };
+fn flux_towards(place: &Place, light: Shining<'_>, target: &Target) -> f64 {
+    let everything = if matches!(light, Shining::Area(_)) { PI } else { 4.0 * PI };
     let solid_angle = |from: Vec3| -> Option<(f32, Vec3)> {
         let size = one_minus_cos(from, target.center, target.radius)?;
         Some((TAU * size, unit(target.center - from)?))
     };
     let sample = |i: u32| -> f32 {
         let (place_u, heading) = start_and_direction(i);
-        let Some(light) = light else {
-            return solid_angle(place.center).map_or(everything, |(solid_angle, _)| solid_angle);
+        let light = match light {
+            Shining::Area(light) => light,
+            Shining::Point => {
+                return solid_angle(place.center).map_or(everything, |(solid_angle, _)| solid_angle);
+            }
+            Shining::Spot(spot) => {
+                let (size, axis) = solid_angle(place.center).unwrap_or((everything, Vec3::Z));
+                let local = warp::square_to_cone(heading, size / TAU);
+                // Between the samples there may be light all the same.
+                return size
+                    * spot
+                        .factor(Frame::from_z(axis).to_world(local))
+                        .max(LEAST_COSINE * spot.factor(place.axis));
+            }
         };
         let start = light.sample_side(place.back, place.low + place_u * place.size);
         let Some((solid_angle, axis)) = solid_angle(start.position) else { return everything };
@@ -277,7 +306,7 @@ impl ProjectionMap {
     pub(super) fn of_area(light: &AreaLight, scene_radius: f32, casters: &[Target]) -> Option<Self> {
         let (places, rows) = Place::all_of(light, scene_radius)?;
         let cells: Vec<PositionCell> =
-            places.iter().map(|place| PositionCell::new(place, Some(light), casters)).collect();
+            places.iter().map(|place| PositionCell::new(place, Shining::Area(light), casters)).collect();
         let fluxes: Vec<f64> = cells.iter().map(|cell| cell.flux).collect();
         // Cells have the same area.
         let sides = if light.is_two_sided() { 2.0 } else { 1.0 };
@@ -290,7 +319,15 @@ impl ProjectionMap {
     /// The map of a point light; `None` where there is no caster.
     pub(super) fn of_point(light: &PointLight, casters: &[Target]) -> Option<Self> {
         let place = Place::at(light.position);
-        let cell = PositionCell::new(&place, None, casters);
+        let cell = PositionCell::new(&place, Shining::Point, casters);
+        let flux = cell.flux;
+        (flux > 0.0).then(|| Self { cells: vec![cell], rows: 1, choice: None, flux })
+    }
+
+    /// The map of a light at a point that does not shine alike everywhere; `None` where it shines on no caster. Its flux is
+    /// per factor on the intensity.
+    pub(super) fn of_spot(light: &SpotLight, casters: &[Target]) -> Option<Self> {
+        let cell = PositionCell::new(&Place::of_spot(light), Shining::Spot(light), casters);
         let flux = cell.flux;
         (flux > 0.0).then(|| Self { cells: vec![cell], rows: 1, choice: None, flux })
     }

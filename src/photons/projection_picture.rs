@@ -53,7 +53,9 @@ pub fn projection_picture(scene: &Scene, index: usize) -> ProjectionPicture {
             None => tiles(&[], 1, &targets),
         },
         Light::Point(point) => tiles(&[Place::at(point.position)], 1, &targets),
+        Light::Spot(spot) => tiles(&[Place::of_spot(spot)], 1, &targets),
         Light::Directional(sun) => disc(sun.direction, scene.bounds(), &targets),
+        Light::Sun(sun) => disc(-sun.towards(), scene.bounds(), &targets),
         Light::Environment(_) => disc(Vec3::NEG_Y, scene.bounds(), &targets),
     }
 }

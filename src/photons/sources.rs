@@ -19,7 +19,8 @@ pub(super) struct Sources<'a> {
 }
 
 impl<'a> Sources<'a> {
-    pub(super) fn new(scene: &'a Scene, kind: MapKind, aimed: bool) -> Self {
+    /// `budget` holds factors on the importance of lights, if there are any.
+    pub(super) fn new(scene: &'a Scene, kind: MapKind, aimed: bool, budget: Option<&[f64]>) -> Self {
         let lights = scene.lights();
         let emitters: Vec<Option<Emitter<'a>>> = (0..lights.len())
             .into_par_iter()
@@ -40,8 +41,11 @@ impl<'a> Sources<'a> {
             }
             media.push([front, back]);
         }
-        let importance = |emitter: &Option<Emitter<'_>>| emitter.as_ref().map_or(0.0, Emitter::importance);
-        let choice = Distribution1D::new(emitters.iter().map(importance));
+        let importance = |(light, emitter): (usize, &Option<Emitter<'_>>)| {
+            let factor = budget.and_then(|budget| budget.get(light)).copied().unwrap_or(1.0);
+            emitter.as_ref().map_or(0.0, Emitter::importance) * factor
+        };
+        let choice = Distribution1D::new(emitters.iter().enumerate().map(importance));
         Self { emitters, media, choice, divided }
     }
 

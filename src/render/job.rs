@@ -1,7 +1,7 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
 use super::adaptive::{Moments, SampleCounts, most_samples, pilot_samples};
-use super::maps::{PassOne, build_maps_from, is_worth_a_warning};
+use super::maps::{ForPicture, PassOne, build_maps_from, is_worth_a_warning};
 use super::memory::{MemoryError, resident_memory};
 use super::observer::Observer;
 use super::pretrace::finest_distances;
@@ -147,7 +147,13 @@ pub fn render_with_maps(
         Vec::new()
     };
     let mut memory = scene_memory(scene);
-    let mut pass_one = build_maps_from(scene, &plan, settings, (&finest, saved), observer)?;
+    let mut pass_one = build_maps_from(
+        scene,
+        &plan,
+        settings,
+        ForPicture { camera: Some(camera), finest: &finest, saved },
+        observer,
+    )?;
     memory.photons = resident_memory();
     if sums_up && reads.is_some() {
         pass_one.warnings.push(
@@ -567,7 +573,12 @@ impl PixelPass<'_> {
             for index in samples(x, y) {
                 let mut stream = SampleStream::of_pixel(seed, (x, y), first.wrapping_add(index), most);
                 let filtered = self.sampler.sample(stream.next_2d());
-                let ray = self.camera.ray((center + filtered.offset) / size);
+                let position = (center + filtered.offset) / size;
+                // A pinhole takes no numbers for a lens.
+                let ray = match self.camera.lens() {
+                    Some(_) => self.camera.ray_through(position, stream.next_2d()),
+                    None => self.camera.ray(position),
+                };
                 let mut sample = self.integrator.li(ray, &mut stream, scratch);
                 for aov in AOVS {
                     sample.radiance[aov as usize] = to_world(sample.radiance[aov as usize], scale);

@@ -7,12 +7,13 @@ use super::settings::{IntegratorKind, Settings, ShadowMode};
 use super::stats::{
     IlluminationStatistics, MapStatistics, PhotonMapFile, PhotonStatistics, ShadowStatistics,
 };
-use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
+use crate::camera::Camera;
+use crate::integrators::{PhotonMapSettings, PhotonMaps, light_importance, visible_domain};
 use crate::lights::LightId;
 use crate::photons::{
     Deposit, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
     PhotonClasses, PhotonMap, PhotonTally, TraceSettings, TracedPhotons, build_shadow_maps, split_deposits,
-    trace_photons,
+    trace_photons_shared,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -132,40 +133,45 @@ pub fn build_maps(
     settings: &Settings,
     observer: &dyn Observer,
 ) -> Result<PassOne, MemoryError> {
-    build_maps_from(scene, plan, settings, (&[], None), observer)
+    build_maps_from(scene, plan, settings, ForPicture::default(), observer)
 }
 
-/// [`build_maps`] for a picture: `finest` is what a pretrace found ([`super::finest_distances`]), for the resolution of illumination maps.
+/// What maps may know of the picture that they are for.
+#[derive(Debug, Default)]
+pub struct ForPicture<'a> {
+    /// Photons are shared out by what lights contribute to the picture of this camera, where the plan asks for that.
+    pub camera: Option<&'a Camera>,
+    /// What a pretrace found ([`super::finest_distances`]), for the resolution of illumination maps; empty for none.
+    pub finest: &'a [f32],
+    /// Photons of a file in place of traced ones: it has been checked that they are the same.
+    pub saved: Option<SavedMaps>,
+}
+
+/// [`build_maps`] for a picture.
 ///
 /// # Errors
-/// Where the maps would not fit into memory.
-pub fn build_maps_seen(
+/// As [`build_maps`].
+pub fn build_maps_from(
     scene: &Scene,
     plan: &RenderPlan,
     settings: &Settings,
-    finest: &[f32],
-    observer: &dyn Observer,
-) -> Result<PassOne, MemoryError> {
-    build_maps_from(scene, plan, settings, (finest, None), observer)
-}
-
-/// [`build_maps_seen`], with the photons of a file in place of traced ones, where there is one: it has been checked that they
-/// are the same.
-pub(super) fn build_maps_from(
-    scene: &Scene,
-    plan: &RenderPlan,
-    settings: &Settings,
-    (finest, saved): (&[f32], Option<SavedMaps>),
+    picture: ForPicture<'_>,
     observer: &dyn Observer,
 ) -> Result<PassOne, MemoryError> {
     let start = Instant::now();
     let counts = PhotonCounts::of(settings, plan);
     counts.check(settings, plan)?;
-    let mut pass = PassOne { file: saved.as_ref().map(SavedMaps::statistics), ..PassOne::default() };
-    pass.warnings.extend(saved.iter().flat_map(SavedMaps::warnings).cloned());
+    let mut pass = PassOne { file: picture.saved.as_ref().map(SavedMaps::statistics), ..PassOne::default() };
+    pass.warnings.extend(picture.saved.iter().flat_map(SavedMaps::warnings).cloned());
     let limit = observer.deadline().map(|end| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE));
+    let budget = picture
+        .camera
+        .filter(|_| plan.photon_budget.build && picture.saved.is_none())
+        .and_then(|camera| light_importance(scene, camera, settings.seed));
+    let ForPicture { finest, saved, .. } = picture;
     let deposits = Default::default();
-    let mut builder = MapBuilder { scene, settings, saved, observer, finest, deposits, pass: &mut pass };
+    let mut builder =
+        MapBuilder { scene, settings, saved, observer, finest, deposits, budget, pass: &mut pass };
     let done = builder.build_all(plan, counts, limit);
     pass.cancelled = done.is_none();
     pass.seconds = start.elapsed().as_secs_f64();
@@ -219,6 +225,8 @@ struct MapBuilder<'a> {
     finest: &'a [f32],
     /// Photons of the global and of the caustic pass for illumination maps, and the count emitted; `None` before the pass.
     deposits: [Option<(Vec<Deposit>, u64)>; 2],
+    /// By light, factors on its photons.
+    budget: Option<Vec<f64>>,
     pass: &'a mut PassOne,
 }
 
@@ -317,7 +325,7 @@ impl MapBuilder<'_> {
             aimed: self.settings.aim_photons,
         };
         let start = Instant::now();
-        let traced = trace_photons(scene, &trace, &|done, total| {
+        let traced = trace_photons_shared(scene, &trace, self.budget.as_deref(), &|done, total| {
             observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
             !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
         })?;

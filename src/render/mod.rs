@@ -17,7 +17,7 @@ mod table;
 pub use adaptive::SampleCounts;
 pub use estimate::MemoryEstimate;
 pub use job::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
-pub use maps::{MapReport, PassOne, build_maps, build_maps_seen};
+pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from};
 pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
 pub use pretrace::finest_distances;

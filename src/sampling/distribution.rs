@@ -82,6 +82,11 @@ impl Distribution2D {
         Some(Self { marginal, conditional })
     }
 
+    /// Sum of the weights.
+    pub fn total(&self) -> f64 {
+        self.marginal.total()
+    }
+
     /// A cell (column and row) with probability proportional to its weight; its probability; and what is left of `u`,
     /// again uniform over the unit square. Keeps the stratification of `u` in both coordinates.
     #[inline]

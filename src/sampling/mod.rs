@@ -8,6 +8,7 @@ mod rng;
 mod roulette;
 mod samples;
 mod sobol;
+mod sphere_density;
 pub mod warp;
 
 pub use distribution::{Distribution1D, Distribution2D};
@@ -15,6 +16,7 @@ pub use rng::{Rng, Stream, mix};
 pub use roulette::chain_roulette;
 pub use samples::{SampleStream, Splits, refined};
 pub use sobol::{SOBOL_DIMENSIONS, Sobol, SobolSet};
+pub use sphere_density::{Corners, SphereDensity, direction_to_square, square_to_direction};
 
 /// Largest `f32` below one: what a uniform variate is clamped to.
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;

@@ -18,6 +18,8 @@ pub enum Stream {
     IrradianceCache = 16,
     /// Rays that place direct and shadow photons.
     ShadowPhotons = 17,
+    /// Paths that tell how much each light contributes.
+    LightImportance = 18,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

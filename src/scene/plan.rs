@@ -2,7 +2,7 @@
 
 use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
-use crate::lights::Light;
+use crate::lights::{LIGHTS_SAMPLED_EACH, Light};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -53,8 +53,9 @@ impl ShadowMode {
     pub fn serves(self, light: &Light) -> bool {
         match (self, light) {
             (Self::Off, _) | (_, Light::Environment(_)) => false,
-            (_, Light::Area(_)) | (Self::AsPrinted, Light::Point(_) | Light::Directional(_)) => true,
-            (Self::Bounded, Light::Point(_) | Light::Directional(_)) => false,
+            (_, Light::Area(_) | Light::Sun(_)) => true,
+            (Self::AsPrinted, Light::Point(_) | Light::Spot(_) | Light::Directional(_)) => true,
+            (Self::Bounded, Light::Point(_) | Light::Spot(_) | Light::Directional(_)) => false,
         }
     }
 }
@@ -115,6 +116,8 @@ pub struct RenderPlan {
     pub bsdf_sampling: Decision,
     /// Maps of direct and shadow photons, one for each light, that tell where shadow rays are not needed.
     pub shadow_photons: Decision,
+    /// Photons shared out by what lights contribute to the picture.
+    pub photon_budget: Decision,
     /// Absorption along rays.
     pub absorption: Decision,
     /// Embree geometry kinds in the scene, with counts.
@@ -161,6 +164,7 @@ impl RenderPlan {
                 IntegratorKind::PhotonMap | IntegratorKind::Progressive => facts.bsdf_sampling(),
             },
             shadow_photons: Decision::no("every shadow ray is traced"),
+            photon_budget: facts.photon_budget(integrator, scene.lights().len()),
             absorption: if facts.absorbing > 0 {
                 Decision::yes(format!("{} medium or media absorb", facts.absorbing))
             } else {
@@ -227,7 +231,7 @@ impl RenderPlan {
     }
 
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 10] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 11] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
@@ -238,6 +242,7 @@ impl RenderPlan {
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
             ("shadow photons", &self.shadow_photons),
+            ("photons by contribution", &self.photon_budget),
             ("absorption", &self.absorption),
         ]
     }
@@ -319,6 +324,16 @@ impl Facts {
                 "indirect light changes slowly over {} Lambertian surface(s)",
                 self.lambert
             )),
+        }
+    }
+
+    fn photon_budget(&self, integrator: IntegratorKind, lights: usize) -> Decision {
+        if integrator != IntegratorKind::PhotonMap {
+            Decision::no("photons are shared out by flux")
+        } else if lights <= LIGHTS_SAMPLED_EACH {
+            Decision::no("few lights: photons are shared out by flux")
+        } else {
+            Decision::yes(format!("{lights} lights, not all of which may matter to the picture"))
         }
     }
 

@@ -6,7 +6,7 @@ use super::render_space::RenderSpace;
 use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
 use super::texture::MaterialTexture;
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
-use crate::lights::{Light, LightId};
+use crate::lights::{Light, LightChoice, LightId};
 use crate::math::{Ray, Rgb, unit};
 use crate::media::{AIR, Medium, MediumId};
 use crate::sampling::{Distribution1D, Sobol, warp};
@@ -147,7 +147,9 @@ pub struct Scene {
     casters: Vec<Target>,
     /// Lights by their flux; `None` where there is no light.
     light_power: Option<Distribution1D>,
-    environment: Option<LightId>,
+    light_choice: LightChoice,
+    /// Lights that a ray into the open may meet.
+    open: Vec<LightId>,
 }
 
 impl Scene {
@@ -156,10 +158,14 @@ impl Scene {
         let radius = parts.bounds.1;
         let flux = parts.lights.iter().map(|light| light.flux(radius).max_element());
         let light_power = Distribution1D::new(flux);
-        let environment =
-            parts.lights.iter().position(|light| light.is_environment()).map(|index| index as LightId);
+        let light_choice = LightChoice::new(&parts.lights, radius);
+        let is_open = |id: &LightId| {
+            let light = &parts.lights[*id as usize];
+            light.is_at_infinity() && !light.is_delta()
+        };
+        let open = (0..parts.lights.len() as LightId).filter(is_open).collect();
         let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
-        Self { parts, casters, light_power, environment }
+        Self { parts, casters, light_power, light_choice, open }
     }
 
     /// Name of the scene.
@@ -210,9 +216,23 @@ impl Scene {
         &self.parts.lights
     }
 
-    /// The light around the scene.
-    pub fn environment(&self) -> Option<LightId> {
-        self.environment
+    /// Radiance from outside along the unit `direction`, in which a ray meets nothing: of all lights there, each times the
+    /// `weight` of its number, given the density per solid angle with which its samples are drawn.
+    #[inline]
+    pub fn outside(&self, direction: Vec3, weight: impl Fn(LightId, &dyn Fn() -> f32) -> f32) -> Rgb {
+        let mut sum = Rgb::ZERO;
+        for &id in &self.open {
+            let light = &self.parts.lights[id as usize];
+            if let Some(radiance) = light.outside(direction) {
+                sum += radiance * weight(id, &|| light.outside_pdf(direction));
+            }
+        }
+        sum
+    }
+
+    /// Which lights get shadow rays.
+    pub fn light_choice(&self) -> &LightChoice {
+        &self.light_choice
     }
 
     /// Lights in proportion to their flux; `None` where nothing emits.

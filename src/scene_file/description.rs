@@ -104,7 +104,7 @@ pub enum FovAxis {
     Horizontal,
 }
 
-/// A pinhole camera.
+/// A camera with or without a lens.
 #[derive(Clone, Debug)]
 pub struct CameraDescription {
     /// Where it is defined.
@@ -119,6 +119,8 @@ pub struct CameraDescription {
     pub fov: f64,
     /// What `fov` spans. Kept as the file says it, since the command line may change the shape of the picture.
     pub fov_axis: FovAxis,
+    /// The lens; none for a pinhole.
+    pub lens: Option<LensDescription>,
 }
 
 impl CameraDescription {
@@ -473,6 +475,74 @@ pub enum LightDescription {
         /// Radiance, W/(m^2 sr).
         radiance: DVec3,
     },
+    /// A picture of what is outside the scene, in longitude and latitude.
+    EnvironmentMap {
+        /// The picture.
+        image: PathBuf,
+        /// Counter-clockwise as seen from above, radians.
+        turn: f64,
+        /// W/(m^2 sr) for one of the picture.
+        factor: DVec3,
+    },
+    /// Clear sky, and the sun in it.
+    Sky {
+        /// Of the sun above the horizon, radians, in `[0, pi/2]`.
+        elevation: f64,
+        /// Of the sun, from -z to +x, radians.
+        azimuth: f64,
+        /// In `[1, 10]`.
+        turbidity: f64,
+        /// Reflectance of the plain under the sky, in `[0, 1]`.
+        albedo: DVec3,
+        /// W/(m^2 sr) for one of the model, which is 683 cd/m^2.
+        factor: DVec3,
+        /// Whether the sun's disc shines.
+        sun: bool,
+    },
+    /// A cone of light from a point.
+    Spot {
+        /// Position, metres.
+        position: DVec3,
+        /// Direction of the middle, any length.
+        direction: DVec3,
+        /// Radiant intensity in the middle, W/sr.
+        intensity: DVec3,
+        /// Angle to the middle up to which the intensity is that, radians.
+        inner: f64,
+        /// Angle from which on there is none, radians, at least `inner`.
+        outer: f64,
+    },
+    /// Light from a point with a measured distribution.
+    Profile {
+        /// The photometric file.
+        file: PathBuf,
+        /// Position, metres.
+        position: DVec3,
+        /// Direction of the file's nadir, any length.
+        direction: DVec3,
+        /// Direction of the file's azimuth 0, not parallel to `direction`.
+        along: DVec3,
+        /// How bright.
+        brightness: ProfileBrightness,
+    },
+}
+
+/// How bright a light with a measured distribution is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ProfileBrightness {
+    /// W/sr for each candela of the file.
+    PerCandela(DVec3),
+    /// Power in all, W.
+    Power(DVec3),
+}
+
+/// A lens that is not a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LensDescription {
+    /// Radius, metres.
+    pub radius: f64,
+    /// Distance of the plane that is sharp from the eye, along the view, metres.
+    pub focus: f64,
 }
 
 #[cfg(test)]
@@ -505,6 +575,7 @@ mod tests {
             up: DVec3::Y,
             fov: 90.0,
             fov_axis: FovAxis::Horizontal,
+            lens: None,
         };
         assert!((camera.vertical_fov(100, 100) - 90.0).abs() < 1e-12);
         assert!((camera.vertical_fov(200, 100) - 2.0 * 0.5f64.atan().to_degrees()).abs() < 1e-12);

@@ -1,4 +1,4 @@
-use super::description::{GeometryDescription, Named, SceneDescription, ShapeDescription};
+use super::description::{GeometryDescription, LightDescription, Named, SceneDescription, ShapeDescription};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::obj::material_files;
 use std::fmt::{self, Write};
@@ -85,8 +85,17 @@ fn values<T: fmt::Debug>(out: &mut impl Write, what: &str, things: &[Named<T>]) 
 
 /// A shape without the place of its mesh file, whose content is hashed by [`hash_files`].
 fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
-    let ShapeDescription { geometry, transform, flip_normal, material, caustic_photons, emission, group } =
-        shape;
+    let ShapeDescription {
+        geometry,
+        transform,
+        flip_normal,
+        material,
+        caustic_photons,
+        emission,
+        group,
+        // Photons themselves are in the file.
+        illumination: _,
+    } = shape;
     match geometry {
         GeometryDescription::MeshFile { path: _, normals, own_materials, fit } => {
             write!(out, "file {normals:?} {own_materials} {fit:?}")?;
@@ -116,6 +125,15 @@ fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Resu
                     }
                 }
             }
+        }
+    }
+    for light in &scene.lights {
+        if let LightDescription::EnvironmentMap { image: path, .. }
+        | LightDescription::Profile { file: path, .. } = &light.value
+        {
+            let file = File::open(path)?;
+            hasher.update(&file.metadata()?.len().to_le_bytes());
+            hasher.update_reader(file)?;
         }
     }
     Ok(())

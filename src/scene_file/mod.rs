@@ -6,6 +6,7 @@ mod description;
 mod diagnostic;
 pub mod generate;
 mod hash;
+pub mod ies;
 pub mod mesh;
 mod mesh_file;
 mod mesh_scene;
@@ -21,6 +22,7 @@ pub use build::{BuildError, BuildProblem, BuiltScene, build_scene, build_scene_w
 pub use description::*;
 pub use diagnostic::{Diagnostic, SceneFileError};
 pub use hash::{content_hash, photon_content_hash};
+pub use ies::{IesError, read_ies};
 pub use mesh_file::{MeshFileError, MeshPlace, MeshReading, read_mesh_file, read_mesh_file_with};
 pub use mesh_scene::{MESH_EXTENSIONS, MESH_SCENE_NAME, is_mesh_file, mesh_scene};
 pub use mesh_size::{MeshSize, mesh_sizes};

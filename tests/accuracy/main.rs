@@ -18,6 +18,8 @@ mod glossy;
 mod guide;
 mod illumination;
 mod jensen96;
+mod lights;
+mod many_lights;
 mod photon_pass;
 mod pictures;
 mod projection;

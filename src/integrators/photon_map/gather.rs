@@ -3,7 +3,7 @@
 use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
 use crate::bsdf::TransportMode;
-use crate::integrators::direct::power_heuristic;
+use crate::integrators::direct::{power_heuristic, receiver};
 use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
 use crate::lights::Light;
@@ -12,6 +12,7 @@ use crate::media::MediumId;
 use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
+use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 /// Diffuse reflections after the first one for which surfaces close by are still computed accurately.
@@ -166,7 +167,7 @@ impl PhotonMapIntegrator<'_> {
             scratch.counters.depth_sum += 1;
             let Some(hit) = self.scene.intersect(&ray) else {
                 if let (0, Some(pdf)) = (depth, direct_pdf) {
-                    found.direct = self.environment_by_bsdf(pdf);
+                    found.direct = self.outside_by_bsdf(vertex, ray.direction, pdf);
                 }
                 found.distance = f32::INFINITY;
                 return found;
@@ -375,17 +376,17 @@ impl PhotonMapIntegrator<'_> {
     fn emitted_by_bsdf(&self, vertex: &Vertex<'_>, hit: &SurfaceInteraction, pdf: f32) -> Rgb {
         let Some(id) = self.scene.surface(hit).light else { return Rgb::ZERO };
         let Light::Area(area) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        let from = vertex.hit.point.position;
+        let from = receiver(self.scene, vertex.hit);
         let other = area.pdf_solid_angle(from, hit.primitive, hit.point.position)
-            * self.direct.choice_probability(id);
+            * self.direct.choice_probability(&from, id);
         area.emitted(hit.is_front()) * power_heuristic(pdf, other)
     }
 
-    fn environment_by_bsdf(&self, pdf: f32) -> Rgb {
-        let Some(id) = self.scene.environment() else { return Rgb::ZERO };
-        let Light::Environment(environment) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        let other = self.direct.choice_probability(id) / (4.0 * std::f32::consts::PI);
-        environment.radiance * power_heuristic(pdf, other)
+    fn outside_by_bsdf(&self, vertex: &Vertex<'_>, direction: Vec3, pdf: f32) -> Rgb {
+        self.scene.outside(direction, |id, pdf_of_light| {
+            let choice = self.direct.choice_probability(&receiver(self.scene, vertex.hit), id);
+            power_heuristic(pdf, pdf_of_light() * choice)
+        })
     }
 }
 

@@ -3,14 +3,14 @@
 
 use super::PhotonMapIntegrator;
 use crate::bsdf::{Lobe, TransportMode};
-use crate::integrators::direct::{DirectLighting, Drawn};
+use crate::integrators::direct::{DirectLighting, Drawn, receiver};
 use crate::integrators::specular::{Branch, SMALLEST_SHARE, SPLIT_DEPTH, chain_roulette};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::sampling::{ONE_MINUS_EPSILON, SampleStream};
 use crate::scene::{Scene, Shading, SurfaceInteraction};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
 /// Least probability with which a path is continued: estimates of albedos may be too low.
 const LEAST_SURVIVAL: f32 = 0.05;
@@ -50,7 +50,7 @@ pub(super) fn push_scattered(
             travelled: parent.travelled + hit.distance,
             drawn: lights
                 .filter(|_| is_glossy)
-                .map(|_| Drawn { from: hit.point.position, pdf: sample.pdf_solid_angle }),
+                .map(|_| Drawn { from: receiver(scene, hit), pdf: sample.pdf_solid_angle }),
             is_glossy,
         });
     };
@@ -105,12 +105,14 @@ pub(super) fn emitted(
     area.emitted(hit.is_front()) * weight
 }
 
-/// Light of the environment along a followed ray that meets nothing, as [`emitted`].
-pub(super) fn environment(scene: &Scene, lights: Option<&DirectLighting<'_>>, drawn: Option<Drawn>) -> Rgb {
-    let Some(id) = scene.environment() else { return Rgb::ZERO };
-    let Light::Environment(sky) = &scene.lights()[id as usize] else { return Rgb::ZERO };
-    let pdf = 1.0 / (4.0 * std::f32::consts::PI);
-    sky.radiance * lights.map_or(1.0, |lights| lights.weight(drawn, id, |_| pdf))
+/// Light from outside along a followed ray that meets nothing, as [`emitted`].
+pub(super) fn outside(
+    scene: &Scene,
+    lights: Option<&DirectLighting<'_>>,
+    drawn: Option<Drawn>,
+    direction: Vec3,
+) -> Rgb {
+    scene.outside(direction, |id, pdf| lights.map_or(1.0, |lights| lights.weight(drawn, id, |_| pdf())))
 }
 
 /// A gather ray that goes on.

@@ -1,7 +1,7 @@
 //! From the camera over specular and highly glossy lobes to diffuse ones.
 
 use super::Vertex;
-use super::glossy::{emitted, environment, push_scattered};
+use super::glossy::{emitted, outside, push_scattered};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::direct::DirectLighting;
 use crate::integrators::specular::{Branch, push_children};
@@ -56,7 +56,8 @@ pub(super) fn walk_specular<const N: usize>(
         scratch.counters.specular_rays += u64::from(!(first || branch.is_glossy));
         scratch.counters.glossy_rays += u64::from(branch.is_glossy);
         let Some(hit) = scene.intersect(&branch.ray) else {
-            out.add(part(Aov::Emission), branch.throughput * environment(scene, lights, branch.drawn));
+            let found = outside(scene, lights, branch.drawn, branch.ray.direction);
+            out.add(part(Aov::Emission), branch.throughput * found);
             continue;
         };
         if first {

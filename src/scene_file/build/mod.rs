@@ -1,19 +1,23 @@
 //! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
 
+mod light;
 mod own_materials;
 mod place;
 
+use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
-    CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, LightDescription,
-    Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
+    CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, Location,
+    MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
+use super::ies::IesError;
 use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
-use crate::camera::Camera;
+use crate::camera::{Camera, Lens};
 use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
-use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointLight};
-use crate::math::{Bounds3, unit_f64};
+use crate::image_io::ImageError;
+use crate::lights::{AreaLight, Light};
+use crate::math::Bounds3;
 use crate::media::Medium;
 use crate::render::{Observer, Silent};
 use crate::scene::{
@@ -91,6 +95,23 @@ pub enum BuildProblem {
     /// A transform that cannot be inverted.
     #[error("its transform flattens everything; give it a scale that is not zero")]
     Singular,
+    /// The picture of an environment.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A file that gives no light.
+    #[error("{}: {why}", .path.display())]
+    NoLight {
+        /// The file.
+        path: PathBuf,
+        /// Why not, and what to do.
+        why: &'static str,
+    },
+    /// The photometric file of a light.
+    #[error(transparent)]
+    Ies(#[from] IesError),
+    /// Numbers of a sky that its model does not cover.
+    #[error("its sun is not above the horizon, or its turbidity or albedo is out of range")]
+    Sky,
     /// Nothing to look at.
     #[error("the camera's position and target coincide, or its up direction is parallel to the view")]
     Camera,
@@ -168,9 +189,9 @@ pub fn build_scene_watched(
     let camera = builder.camera(&bounds, &space, (width, height))?;
     let (embree, assembly) = builder.assemble(device, &space, observer)?;
     let radius = space.length(bounds.radius()) as f32;
-    let flux = assembly.flux(description, &space, f64::from(radius));
+    let flux = assembly.flux(&builder.lights, &space, f64::from(radius));
     let space = space.with_flux(flux);
-    let (lights, light_notes) = assembly.lights(description, &space)?.into_iter().unzip();
+    let (lights, light_notes) = assembly.lights(description, &builder.lights, &space)?.into_iter().unzip();
     builder.warnings.extend(assembly.warnings);
     let mut surfaces = assembly.surfaces;
     for (id, emitter) in assembly.emitters.iter().enumerate() {
@@ -204,6 +225,8 @@ struct Builder<'a> {
     sources: Vec<(Source, DAffine3)>,
     /// By material.
     specularities: Vec<f32>,
+    /// By light.
+    lights: Vec<LightSource>,
     warnings: Vec<SceneWarning>,
 }
 
@@ -260,7 +283,21 @@ impl<'a> Builder<'a> {
         }
         let specularities =
             materials(description).iter().map(|(_, material)| material.specularity()).collect();
-        Ok(Self { description, sources, specularities, warnings })
+        let mut lights = Vec::with_capacity(description.lights.len());
+        for light in &description.lights {
+            let location = &light.location;
+            let (source, findings) = LightSource::read(&light.value).map_err(|problem| BuildError {
+                location: location.clone(),
+                object: format!("light `{}`", light.name),
+                problem,
+            })?;
+            warnings.extend(findings.into_iter().map(|finding| SceneWarning {
+                location: location.clone(),
+                message: format!("{}: {finding}", light.name),
+            }));
+            lights.push(source);
+        }
+        Ok(Self { description, sources, specularities, lights, warnings })
     }
 
     /// Each placement of each shape: its index, and from its own space to the world. Shapes of groups come once for
@@ -336,7 +373,13 @@ impl<'a> Builder<'a> {
             });
         }
         let fov = description.vertical_fov(width, height);
-        Camera::look_at(eye, at, description.up, fov, aspect).ok_or_else(error)
+        let camera = Camera::look_at(eye, at, description.up, fov, aspect).ok_or_else(error)?;
+        Ok(match description.lens {
+            Some(lens) => {
+                camera.with_lens(Lens { radius: space.length(lens.radius), focus: space.length(lens.focus) })
+            }
+            None => camera,
+        })
     }
 
     fn assemble(
@@ -583,22 +626,15 @@ impl<'a> Builder<'a> {
 
 impl Assembly {
     /// Largest channel of the flux of all lights, in render units before the power factor.
-    fn flux(&self, description: &SceneDescription, space: &RenderSpace, radius: f64) -> f64 {
-        let disc = std::f64::consts::PI * radius * radius;
+    fn flux(&self, lights: &[LightSource], space: &RenderSpace, radius: f64) -> f64 {
         let mut total = DVec3::ZERO;
         for emitter in &self.emitters {
             let area: f64 = emitter.pieces.iter().map(EmitterShape::area).sum();
             let sides = if emitter.emission.two_sided { 2.0 } else { 1.0 };
             total += emitter.emission.radiance * (std::f64::consts::PI * area * sides);
         }
-        for light in &description.lights {
-            total += match &light.value {
-                LightDescription::Point { intensity, .. } => {
-                    *intensity * (4.0 * std::f64::consts::PI * space.scale * space.scale)
-                }
-                LightDescription::Directional { irradiance, .. } => *irradiance * disc,
-                LightDescription::Environment { radiance } => *radiance * (4.0 * std::f64::consts::PI * disc),
-            };
+        for light in lights {
+            total += light.flux(space, radius);
         }
         total.max_element()
     }
@@ -607,6 +643,7 @@ impl Assembly {
     fn lights(
         &self,
         description: &SceneDescription,
+        sources: &[LightSource],
         space: &RenderSpace,
     ) -> Result<Vec<(Light, LightNote)>, BuildError> {
         let scaled = |colour: DVec3| (colour * space.power).as_vec3();
@@ -623,20 +660,12 @@ impl Assembly {
         let notes = description.lights.iter().zip(&description.light_photons);
         let notes =
             notes.map(|(light, &photons)| LightNote { name: light.name.clone(), photons: photons as f32 });
-        let others = description.lights.iter().map(|light| match &light.value {
-            LightDescription::Point { position, intensity } => Light::Point(PointLight {
-                position: space.position(*position).as_vec3(),
-                intensity: scaled(*intensity * (space.scale * space.scale)),
-            }),
-            LightDescription::Directional { direction, irradiance } => Light::Directional(DirectionalLight {
-                direction: unit_f64(*direction).unwrap_or(DVec3::NEG_Y).as_vec3(),
-                irradiance: scaled(*irradiance),
-            }),
-            LightDescription::Environment { radiance } => {
-                Light::Environment(EnvironmentLight { radiance: scaled(*radiance) })
-            }
+        let others = sources.iter().zip(notes).flat_map(|(source, note)| {
+            source.lights(space).into_iter().map(move |(part, light)| {
+                (light, LightNote { name: format!("{}{part}", note.name), ..note.clone() })
+            })
         });
-        areas.chain(others.zip(notes).map(Ok)).collect()
+        areas.chain(others.map(Ok)).collect()
     }
 }
 
@@ -717,5 +746,6 @@ fn framing(bounds: &Bounds3, aspect: f64, location: &Location) -> CameraDescript
         up: DVec3::Y,
         fov: FOV,
         fov_axis: super::FovAxis::Vertical,
+        lens: None,
     }
 }

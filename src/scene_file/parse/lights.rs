@@ -2,16 +2,34 @@
 
 use super::names::Names;
 use super::read_name;
+use crate::lights::Cone;
 use crate::scene_file::description::*;
-use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, SHARE, Table};
+use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, NUMBER, SHARE, Table, Value};
 use glam::DVec3;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::PathBuf;
+
+const ELEVATION: Expected =
+    Expected { what: "an angle from 0 to 90 degrees", example: "35.0", holds: |x| (0.0..=90.0).contains(&x) };
+const TURBIDITY: Expected =
+    Expected { what: "a number from 1 to 10", example: "3.0", holds: |x| (1.0..=10.0).contains(&x) };
+const CONE_ANGLE: Expected = Expected {
+    what: "an angle from 0 to 180 degrees",
+    example: "30.0",
+    holds: |x| (0.0..=180.0).contains(&x),
+};
+
+/// W/sr for a candela: 683 lm/W.
+const PER_CANDELA: f64 = 1.0 / 683.0;
 
 #[derive(Clone, Copy)]
 enum Kind {
     Point,
     Directional,
     Environment,
+    Sky,
+    Spot,
+    Ies,
 }
 
 /// The lights, and the share of photons of each.
@@ -26,11 +44,15 @@ pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> (Vec<Named<Light
         let span = table.span().clone();
         let photons = table.or("photons", 1.0, |value| value.number(&SHARE));
         let Some(value) = read_light(table, unit) else { continue };
-        if matches!(value, LightDescription::Environment { .. })
-            && let Some(first) = environment.replace(location.clone())
-        {
+        let surrounds = matches!(
+            value,
+            LightDescription::Environment { .. }
+                | LightDescription::EnvironmentMap { .. }
+                | LightDescription::Sky { .. }
+        );
+        if surrounds && let Some(first) = environment.replace(location.clone()) {
             let message = format!("a second environment: the first is at {first}");
-            context.error(&span, message, "add their radiances up in one");
+            context.error(&span, message, "a sky is one as well; leave all but one of them out");
         }
         let (Some(name), Some(photons)) = (name, photons) else { continue };
         lights.push(Named { name, location, value });
@@ -40,42 +62,178 @@ pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> (Vec<Named<Light
 }
 
 fn read_light(mut table: Table<'_>, unit: f64) -> Option<LightDescription> {
-    let kinds =
-        [("point", Kind::Point), ("directional", Kind::Directional), ("environment", Kind::Environment)];
+    let kinds = [
+        ("point", Kind::Point),
+        ("directional", Kind::Directional),
+        ("environment", Kind::Environment),
+        ("sky", Kind::Sky),
+        ("spot", Kind::Spot),
+        ("ies", Kind::Ies),
+    ];
     let light = match table.required("type", "\"point\"", |value| value.choice(&kinds))? {
         Kind::Point => {
             let position = table.required("position", "[0.0, 2.0, 0.0]", |value| value.vector(&NUMBER));
-            let intensity = read_intensity(&mut table);
+            let intensity = read_intensity(&mut table, 4.0 * PI);
             position
                 .zip(intensity)
                 .map(|(position, intensity)| LightDescription::Point { position: position * unit, intensity })
         }
         Kind::Directional => {
-            let direction =
-                table.required("direction", "[0.0, -1.0, 0.0]", |value| match value.vector(&NUMBER)? {
-                    DVec3::ZERO => value.refuse("a direction", "give at least one number that is not 0"),
-                    direction => Some(direction),
-                });
+            let direction = table.required("direction", "[0.0, -1.0, 0.0]", read_direction);
             let irradiance =
                 table.required("irradiance", "[3.0, 3.0, 3.0]", |value| value.colour(&NON_NEGATIVE));
             direction
                 .zip(irradiance)
                 .map(|(direction, irradiance)| LightDescription::Directional { direction, irradiance })
         }
-        Kind::Environment => table
-            .required("radiance", "[1.0, 1.0, 1.0]", |value| value.colour(&NON_NEGATIVE))
-            .map(|radiance| LightDescription::Environment { radiance }),
+        Kind::Environment => read_environment(&mut table),
+        Kind::Sky => read_sky(&mut table),
+        Kind::Spot => read_spot(&mut table, unit),
+        Kind::Ies => read_profile(&mut table, unit),
     };
     table.finish();
     light
 }
 
-/// Radiant intensity (W/sr) of a point light, given as such or as power (W): equal in all directions, so
-/// power is 4 pi times intensity.
-fn read_intensity(table: &mut Table<'_>) -> Option<DVec3> {
+fn read_direction(value: Value<'_>) -> Option<DVec3> {
+    match value.vector(&NUMBER)? {
+        DVec3::ZERO => value.refuse("a direction", "give at least one number that is not 0"),
+        direction => Some(direction),
+    }
+}
+
+/// Path of a file that must exist.
+fn read_file(value: Value<'_>) -> Option<PathBuf> {
+    let path = value.path()?;
+    if !path.is_file() {
+        let message = format!("there is no file {}", path.display());
+        let remedy = "paths are relative to the scene file, those given by `--set` to the current directory";
+        value.context().error(&value.span(), message, remedy);
+        return None;
+    }
+    Some(path)
+}
+
+/// One radiance from everywhere, or a picture.
+fn read_environment(table: &mut Table<'_>) -> Option<LightDescription> {
+    let Some(image) = table.get("image") else {
+        let radiance = table.required("radiance", "[1.0, 1.0, 1.0]", |value| value.colour(&NON_NEGATIVE));
+        return radiance.map(|radiance| LightDescription::Environment { radiance });
+    };
+    let image = read_file(image);
+    let turn = table.or("rotation", 0.0, |value| value.number(&NUMBER));
+    let factor = table.or("scale", DVec3::ONE, |value| value.colour(&NON_NEGATIVE));
+    Some(LightDescription::EnvironmentMap { image: image?, turn: turn?.to_radians(), factor: factor? })
+}
+
+fn read_sky(table: &mut Table<'_>) -> Option<LightDescription> {
+    let direction = table.optional("sun-direction", read_direction);
+    let elevation = table.optional("elevation", |value| value.number(&ELEVATION));
+    let azimuth = table.optional("azimuth", |value| value.number(&NUMBER));
+    let turbidity = table.or("turbidity", 3.0, |value| value.number(&TURBIDITY));
+    let albedo = table.or("albedo", DVec3::splat(0.2), |value| value.colour(&FRACTION));
+    let factor = table.or("scale", DVec3::ONE, |value| value.colour(&NON_NEGATIVE));
+    let sun = table.or("sun", true, |value| value.boolean());
+    let (elevation, azimuth) = match (direction?, elevation?, azimuth?) {
+        (None, Some(elevation), azimuth) => (elevation.to_radians(), azimuth.unwrap_or(0.0).to_radians()),
+        (Some(towards), None, None) if towards.y >= 0.0 => {
+            (towards.y.atan2(towards.x.hypot(towards.z)).clamp(0.0, FRAC_PI_2), towards.x.atan2(-towards.z))
+        }
+        (Some(_), None, None) => {
+            return table.refuse(
+                format!("the sun of {} is below the horizon", table.title()),
+                "`sun-direction` points from the ground to the sun; its second number is at least 0",
+            );
+        }
+        _ => {
+            return table.refuse(
+                format!("{} does not say where the sun is, or says it twice", table.title()),
+                "give `elevation` (and `azimuth`) in degrees, or `sun-direction` instead",
+            );
+        }
+    };
+    Some(LightDescription::Sky {
+        elevation,
+        azimuth,
+        turbidity: turbidity?,
+        albedo: albedo?,
+        factor: factor?,
+        sun: sun?,
+    })
+}
+
+fn read_spot(table: &mut Table<'_>, unit: f64) -> Option<LightDescription> {
+    let position = table.required("position", "[0.0, 2.0, 0.0]", |value| value.vector(&NUMBER));
+    let direction = table.required("direction", "[0.0, -1.0, 0.0]", read_direction);
+    let outer = table.or("outer-angle", 45.0, |value| value.number(&CONE_ANGLE));
+    let inner_span = table.get("inner-angle").map(|value| value.span());
+    let inner = table.or("inner-angle", 0.0, |value| value.number(&CONE_ANGLE));
+    let (inner, outer) = (inner?.to_radians(), outer?.to_radians());
+    if inner > outer || outer <= 0.0 {
+        let span = inner_span.unwrap_or(table.span().clone());
+        let message = "the inner angle of the cone is larger than the outer one, or the outer one is 0";
+        table.context().error(
+            &span,
+            message,
+            "make `outer-angle` the larger one; both count from the middle",
+        );
+        return None;
+    }
+    let flux = Cone::new(inner, outer).flux();
+    let intensity = read_intensity(table, flux);
+    Some(LightDescription::Spot {
+        position: position? * unit,
+        direction: direction?,
+        intensity: intensity?,
+        inner,
+        outer,
+    })
+}
+
+fn read_profile(table: &mut Table<'_>, unit: f64) -> Option<LightDescription> {
+    let position = table.required("position", "[0.0, 2.0, 0.0]", |value| value.vector(&NUMBER));
+    let file = table.required("file", "\"lamp.ies\"", read_file);
+    let direction = table.or("direction", DVec3::NEG_Y, read_direction);
+    let along = table.optional("along", read_direction);
+    let brightness = match (table.get("scale"), table.get("power")) {
+        (Some(_), Some(power)) => {
+            let message = format!("{} has both `scale` and `power`", table.title());
+            table.context().error(&power.span(), message, "leave one of them out");
+            None
+        }
+        (None, Some(power)) => power.colour(&NON_NEGATIVE).map(ProfileBrightness::Power),
+        (scale, None) => {
+            let scale = scale.map_or(Some(DVec3::ONE), |value| value.colour(&NON_NEGATIVE));
+            scale.map(|scale| ProfileBrightness::PerCandela(scale * PER_CANDELA))
+        }
+    };
+    let (direction, along) = (direction?, along?);
+    let towards = direction.normalize();
+    let along = match along {
+        Some(along) if along.normalize().cross(towards).length() > 1e-6 => along,
+        Some(_) => {
+            return table.refuse(
+                format!("`along` of {} is parallel to its `direction`", table.title()),
+                "choose a direction across, along the luminaire",
+            );
+        }
+        None if towards.cross(DVec3::X).length() > 1e-3 => DVec3::X,
+        None => DVec3::Z,
+    };
+    Some(LightDescription::Profile {
+        file: file?,
+        position: position? * unit,
+        direction,
+        along,
+        brightness: brightness?,
+    })
+}
+
+/// Radiant intensity (W/sr) of a light at a point, given as such or as power (W), which is `flux` times as much.
+fn read_intensity(table: &mut Table<'_>, flux: f64) -> Option<DVec3> {
     match (table.get("intensity"), table.get("power")) {
         (Some(intensity), None) => intensity.colour(&NON_NEGATIVE),
-        (None, Some(power)) => power.colour(&NON_NEGATIVE).map(|power| power / (4.0 * PI)),
+        (None, Some(power)) => power.colour(&NON_NEGATIVE).map(|power| power / flux),
         (Some(_), Some(power)) => {
             let message = format!("{} has both `intensity` and `power`", table.title());
             table.context().error(&power.span(), message, "leave one of them out");

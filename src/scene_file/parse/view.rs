@@ -34,6 +34,8 @@ const TARGET_ERROR: Expected =
 const SHARE: Expected =
     Expected { what: "a share from 0 to 1", example: "0.02", holds: |x| (0.0..=1.0).contains(&x) };
 
+const LENS_RADIUS: Expected =
+    Expected { what: "a length of at least 0", example: "0.005", holds: |x| x >= 0.0 };
 const RADIUS: Expected = Expected { what: "a length above zero", example: "0.01", holds: |x| x > 0.0 };
 
 pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescription> {
@@ -47,8 +49,9 @@ pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescr
     let fov = table.or("fov", 40.0, |value| value.number(&FIELD_OF_VIEW));
     let axes = [("vertical", FovAxis::Vertical), ("horizontal", FovAxis::Horizontal)];
     let fov_axis = table.or("fov-axis", FovAxis::Vertical, |value| value.choice(&axes));
+    let lens = read_lens(&mut table, eye.zip(at), unit);
     table.finish();
-    let (eye, at, up) = (eye?, at?, up?);
+    let (eye, at, up, lens) = (eye?, at?, up?, lens?);
     let Some(forward) = unit_f64(at - eye) else {
         let remedy = "move `at` to what should be in the middle of the picture";
         context.error(&span, "the camera's `eye` and `at` are the same point or too far apart", remedy);
@@ -62,7 +65,44 @@ pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescr
             return None;
         }
     }
-    Some(CameraDescription { location, eye: eye * unit, at: at * unit, up, fov: fov?, fov_axis: fov_axis? })
+    let (eye, at) = (eye * unit, at * unit);
+    Some(CameraDescription { location, eye, at, up, fov: fov?, fov_axis: fov_axis?, lens })
+}
+
+/// The lens, by its radius or by f-number and focal length; what is sharp is where `at` is unless it is said otherwise.
+fn read_lens(
+    table: &mut Table<'_>,
+    view: Option<(DVec3, DVec3)>,
+    unit: f64,
+) -> Option<Option<LensDescription>> {
+    let radius = table.optional("lens-radius", |value| value.number(&LENS_RADIUS));
+    let f_number = table.optional("f-number", |value| value.number(&RADIUS));
+    let focal_length = table.optional("focal-length", |value| value.number(&RADIUS));
+    let focus = table.optional("focus-distance", |value| value.number(&RADIUS));
+    let (radius, focus) = (radius?, focus?);
+    let radius = match (radius, f_number?, focal_length?) {
+        (radius, None, None) => radius,
+        // The diameter is the focal length over the f-number.
+        (None, Some(f_number), Some(focal_length)) => Some(0.5 * focal_length / f_number),
+        _ => {
+            return table.refuse(
+                "the camera's lens needs either `lens-radius`, or `f-number` and `focal-length` together",
+                "leave the others out",
+            );
+        }
+    };
+    match (radius, focus) {
+        (None, Some(_)) => table.refuse(
+            "the camera has a `focus-distance` and no lens: through a pinhole everything is sharp",
+            "add `lens-radius`, or `f-number` and `focal-length`",
+        ),
+        (Some(radius), focus) if radius > 0.0 => {
+            let to_target = view.map_or(1.0, |(eye, at)| (at - eye).length());
+            let focus = focus.unwrap_or(to_target);
+            Some(Some(LensDescription { radius: radius * unit, focus: focus * unit }))
+        }
+        _ => Some(None),
+    }
 }
 
 /// The film of a scene file that says nothing about it.

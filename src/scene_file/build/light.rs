@@ -1,0 +1,189 @@
+//! Lights without a surface: their files read, then scaled to render space.
+
+use super::BuildProblem;
+use crate::image_io::{self, Layer};
+use crate::lights::{
+    Cone, DirectionalLight, EnvironmentLight, EnvironmentMap, Light, PointLight, Profile, SUN_ANGULAR_RADIUS,
+    Sky, SpotLight, SunLight,
+};
+use crate::math::{Rgb, unit_f64};
+use crate::scene::RenderSpace;
+use crate::scene_file::description::{LightDescription, ProfileBrightness};
+use crate::scene_file::ies::read_ies;
+use glam::DVec3;
+use std::f64::consts::PI;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most values of a picture of surroundings, at 24 bytes of memory for each pixel: 8192 by 4096 pixels of four.
+const MOST_VALUES: u64 = 1 << 27;
+
+/// Rows of the table of a sky.
+const SKY_ROWS: usize = 512;
+
+/// A light with everything that it is read from; metres and watts.
+#[derive(Debug)]
+pub(super) enum LightSource {
+    Point { position: DVec3, intensity: DVec3 },
+    Directional { direction: DVec3, irradiance: DVec3 },
+    Environment { radiance: DVec3 },
+    Map { map: Arc<EnvironmentMap>, turn: f64, factor: DVec3 },
+    Sky { map: Arc<EnvironmentMap>, factor: DVec3, sun: Option<(DVec3, DVec3)> },
+    Spot { position: DVec3, direction: DVec3, intensity: DVec3, cone: Cone },
+    Profile { position: DVec3, direction: DVec3, along: DVec3, factor: DVec3, profile: Arc<Profile> },
+}
+
+impl LightSource {
+    /// The light of a description, and what a user should know.
+    pub(super) fn read(light: &LightDescription) -> Result<(Self, Vec<String>), BuildProblem> {
+        let mut findings = Vec::new();
+        let source = match *light {
+            LightDescription::Point { position, intensity } => Self::Point { position, intensity },
+            LightDescription::Directional { direction, irradiance } => {
+                Self::Directional { direction, irradiance }
+            }
+            LightDescription::Environment { radiance } => Self::Environment { radiance },
+            LightDescription::EnvironmentMap { ref image, turn, factor } => {
+                Self::Map { map: Arc::new(read_map(image, &mut findings)?), turn, factor }
+            }
+            LightDescription::Sky { elevation, azimuth, turbidity, albedo, factor, sun } => {
+                let sky =
+                    Sky::new(elevation, azimuth, turbidity, albedo.as_vec3()).ok_or(BuildProblem::Sky)?;
+                let map = Arc::new(sky.map(SKY_ROWS, sun).ok_or(BuildProblem::Sky)?);
+                let sun = sun.then(|| (sky.towards_sun(), sky.sun_irradiance()));
+                Self::Sky { map, factor, sun }
+            }
+            LightDescription::Spot { position, direction, intensity, inner, outer } => {
+                Self::Spot { position, direction, intensity, cone: Cone::new(inner, outer) }
+            }
+            LightDescription::Profile { ref file, position, direction, along, brightness } => {
+                let ies = read_ies(file)?;
+                findings
+                    .extend(ies.warnings.into_iter().map(|warning| format!("{}: {warning}", file.display())));
+                let dark =
+                    BuildProblem::NoLight { path: file.clone(), why: "nothing shines; name another file" };
+                let profile = Profile::new(ies.table).ok_or(dark)?;
+                let factor = match brightness {
+                    ProfileBrightness::PerCandela(factor) => factor,
+                    ProfileBrightness::Power(power) => power / profile.flux(),
+                };
+                Self::Profile { position, direction, along, factor, profile: Arc::new(profile) }
+            }
+        };
+        Ok((source, findings))
+    }
+
+    /// Flux into a scene of this radius (render units), in render units before the power factor.
+    pub(super) fn flux(&self, space: &RenderSpace, radius: f64) -> DVec3 {
+        let disc = PI * radius * radius;
+        let area = space.scale * space.scale;
+        match self {
+            Self::Point { intensity, .. } => *intensity * (4.0 * PI * area),
+            Self::Directional { irradiance, .. } => *irradiance * disc,
+            Self::Environment { radiance } => *radiance * (4.0 * PI * disc),
+            Self::Map { map, factor, .. } => *factor * map.integral() * disc,
+            Self::Sky { map, factor, sun } => {
+                *factor * (map.integral() + sun.map_or(DVec3::ZERO, |(_, irradiance)| irradiance)) * disc
+            }
+            Self::Spot { intensity, cone, .. } => *intensity * (cone.flux() * area),
+            Self::Profile { factor, profile, .. } => *factor * (profile.flux() * area),
+        }
+    }
+
+    /// What it is in render space: one light, or those of a sky, with what is added to its name.
+    pub(super) fn lights(&self, space: &RenderSpace) -> Vec<(&'static str, Light)> {
+        let scaled = |colour: DVec3| (colour * space.power).as_vec3();
+        let of_point = |colour: DVec3| scaled(colour * (space.scale * space.scale));
+        let place = |position: DVec3| space.position(position).as_vec3();
+        let unit = |direction: DVec3| unit_f64(direction).unwrap_or(DVec3::NEG_Y).as_vec3();
+        let light = match self {
+            Self::Point { position, intensity } => {
+                Light::Point(PointLight { position: place(*position), intensity: of_point(*intensity) })
+            }
+            Self::Directional { direction, irradiance } => Light::Directional(DirectionalLight {
+                direction: unit(*direction),
+                irradiance: scaled(*irradiance),
+            }),
+            Self::Environment { radiance } => {
+                Light::Environment(EnvironmentLight::constant(scaled(*radiance)))
+            }
+            Self::Map { map, turn, factor } => {
+                Light::Environment(EnvironmentLight::of_map(Arc::clone(map), *turn, scaled(*factor)))
+            }
+            Self::Sky { map, factor, sun } => {
+                let sky = EnvironmentLight::of_map(Arc::clone(map), 0.0, scaled(*factor));
+                let sun = sun.map(|(towards, irradiance)| {
+                    let sun = SunLight::new(unit(towards), SUN_ANGULAR_RADIUS, scaled(irradiance * *factor));
+                    (" (sun)", Light::Sun(sun))
+                });
+                return [("", Light::Environment(sky))].into_iter().chain(sun).collect();
+            }
+            Self::Spot { position, direction, intensity, cone } => {
+                Light::Spot(SpotLight::cone(place(*position), unit(*direction), of_point(*intensity), *cone))
+            }
+            Self::Profile { position, direction, along, factor, profile } => {
+                let axes = (unit(*direction), unit(*along));
+                Light::Spot(SpotLight::profile(
+                    place(*position),
+                    axes,
+                    of_point(*factor),
+                    Arc::clone(profile),
+                ))
+            }
+        };
+        vec![("", light)]
+    }
+}
+
+/// A picture in longitude and latitude: that without a name, or the only one.
+fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, BuildProblem> {
+    let refuse = |why| BuildProblem::NoLight { path: path.to_path_buf(), why };
+    let image = image_io::read_with_limit(path, MOST_VALUES)?;
+    let layer = image.layer("").or_else(|| image.layers.first());
+    let layer = layer.ok_or_else(|| refuse("the picture has no channels; name another"))?;
+    let texels = colours(layer).ok_or_else(|| {
+        refuse("the picture has neither channels R, G and B nor a single one; name another")
+    })?;
+    let (width, height) = (image.width as usize, image.height as usize);
+    if width != 2 * height {
+        findings.push(format!(
+            "{}: {width} x {height} pixels, where a picture in longitude and latitude is twice as wide as high; it is \
+             stretched over all directions",
+            path.display()
+        ));
+    }
+    let (map, mended) = EnvironmentMap::new(width, texels);
+    if mended.negative > 0 {
+        findings.push(format!(
+            "{}: {} pixels are negative or no numbers there, and count as zero",
+            path.display(),
+            mended.negative
+        ));
+    }
+    if mended.too_large > 0 {
+        findings.push(format!(
+            "{}: {} pixels are infinite or above {:e}, and count as that",
+            path.display(),
+            mended.too_large,
+            EnvironmentMap::LARGEST
+        ));
+    }
+    map.ok_or_else(|| {
+        refuse("no pixel of the picture is above zero, so it gives no light; leave the light out")
+    })
+}
+
+/// Linear colours of the pixels; `None` where the channels are none.
+fn colours(layer: &Layer) -> Option<Vec<Rgb>> {
+    let count = layer.channels.len();
+    let channel = |name: &str| layer.channel_index(name);
+    let [r, g, b] = match (channel("R"), channel("G"), channel("B")) {
+        (Some(r), Some(g), Some(b)) => [r, g, b],
+        _ => match channel("Y") {
+            Some(y) => [y; 3],
+            None if count == 1 => [0; 3],
+            None => return None,
+        },
+    };
+    Some(layer.data.chunks_exact(count).map(|pixel| Rgb::new(pixel[r], pixel[g], pixel[b])).collect())
+}
