@@ -5,7 +5,7 @@ use super::progress::{Console, catch_interrupts, interrupted};
 use super::settings::{SettingsArgs, count_from_one};
 use anyhow::{Context, Result, bail};
 use cardioid::image_io;
-use cardioid::render::{ProbeEstimator, ProbePoint, ProbeRequest, Settings, probe};
+use cardioid::render::{ProbeEstimator, ProbePoint, ProbeRequest, Settings, Silent, probe};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::io::Write;
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
         .build()
         .context("cannot start the threads")?;
     pool.install(|| {
-        let loaded = load(&args.scene, &|| ())?;
+        let loaded = load(&args.scene, &Silent, &|| ())?;
         let scene = &loaded.built.scene;
         let radius = scene.space().metres(f64::from(scene.bounds().1));
         let request = ProbeRequest {

@@ -62,6 +62,11 @@ impl PhotonSettings {
             cache_samples: _,
             accurate_distance: _,
             approximate_weight: _,
+            caustic_reuse: _,
+            illumination_maps: _,
+            adaptive: _,
+            rounds: _,
+            target_error: _,
         } = *settings;
         Self { seed, max_depth, aim_photons, global_photons: counts.global, caustic_photons: counts.caustic }
     }

@@ -3,7 +3,7 @@
 use crate::support::*;
 use cardioid::measure::{Picture, Reference};
 use cardioid::photons::{EstimateParams, Estimator, Kernel, PhotonMap, Query, Scratch, SearchRegion};
-use cardioid::render::{MapKind, Overrides, Quality, Silent, build_maps};
+use cardioid::render::{MapKind, Overrides, Silent, build_maps};
 use cardioid::scene_file::load_scene;
 use glam::{DVec3, Vec3};
 use std::fmt::Write as _;

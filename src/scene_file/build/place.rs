@@ -217,7 +217,7 @@ impl Source {
                 Chart::disc(point(center), vector(normal), radius * scale()?)
             }
             Self::Csg(object) => return Ok(object.transformed(transform)?.charts()),
-            Self::Mesh(_) | Self::SphereFlake { .. } | Self::Terrain { .. } => return Ok(None),
+            Self::Mesh(..) | Self::SphereFlake { .. } | Self::Terrain { .. } => return Ok(None),
         };
         Ok(Some(vec![chart?]))
     }
