@@ -141,10 +141,13 @@ impl EstimatorChoice {
 
 fn points(args: &ProbeArgs) -> Result<Vec<ProbePoint>> {
     if args.normal == DVec3::ZERO {
-        bail!("--normal 0,0,0 is no direction; give the side of the surface that is asked about, for example 0,1,0");
+        bail!(
+            "--normal 0,0,0 is no direction; give the side of the surface that is asked about, for example 0,1,0"
+        );
     }
     if let Some(file) = &args.points {
-        let text = std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
+        let text =
+            std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
         return read_points(&text, file, args.normal);
     }
     let from = args.from.unwrap_or_default();
@@ -164,7 +167,8 @@ fn read_points(text: &str, file: &Path, normal: DVec3) -> Result<Vec<ProbePoint>
             continue;
         }
         let numbers: Result<Vec<f64>, _> = line.split(',').map(|part| part.trim().parse::<f64>()).collect();
-        let is_head = std::mem::take(&mut is_first) && line.split(',').all(|part| part.trim().parse::<f64>().is_err());
+        let is_head =
+            std::mem::take(&mut is_first) && line.split(',').all(|part| part.trim().parse::<f64>().is_err());
         match numbers.as_deref() {
             Ok(&[x, y, z]) if (x + y + z).is_finite() => {
                 points.push(ProbePoint { position: DVec3::new(x, y, z), normal });
@@ -172,7 +176,11 @@ fn read_points(text: &str, file: &Path, normal: DVec3) -> Result<Vec<ProbePoint>
             Ok(&[x, y, z, nx, ny, nz]) if (x + y + z).is_finite() && (nx + ny + nz).is_finite() => {
                 let normal = DVec3::new(nx, ny, nz);
                 if normal == DVec3::ZERO {
-                    bail!("{}:{}: the normal is zero; leave it out, or give the side to look at", file.display(), index + 1);
+                    bail!(
+                        "{}:{}: the normal is zero; leave it out, or give the side to look at",
+                        file.display(),
+                        index + 1
+                    );
                 }
                 points.push(ProbePoint { position: DVec3::new(x, y, z), normal });
             }

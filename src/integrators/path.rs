@@ -112,15 +112,7 @@ struct State {
 impl State {
     /// A path that begins with this ray.
     fn new(ray: Ray, medium: MediumId) -> Self {
-        Self {
-            ray,
-            throughput: Rgb::ONE,
-            medium,
-            class: Class::Camera,
-            drawn: None,
-            chain: 0,
-            guidance: 1.0,
-        }
+        Self { ray, throughput: Rgb::ONE, medium, class: Class::Camera, drawn: None, chain: 0, guidance: 1.0 }
     }
 }
 

@@ -23,11 +23,7 @@ pub struct Deposit {
 
 /// Takes those photons out that arrived at surfaces with illumination maps. `surfaces` has the surface of each photon, or is
 /// empty where there is no such surface.
-pub fn split_deposits(
-    photons: Vec<Photon>,
-    surfaces: &[u32],
-    scene: &Scene,
-) -> (Vec<Photon>, Vec<Deposit>) {
+pub fn split_deposits(photons: Vec<Photon>, surfaces: &[u32], scene: &Scene) -> (Vec<Photon>, Vec<Deposit>) {
     if surfaces.is_empty() {
         return (photons, Vec::new());
     }
@@ -182,7 +178,9 @@ impl Grid {
         let Filling { across, down, refinement, diffuse, small, caustic } = filling;
         let each = (refinement * refinement) as usize;
         let elements = f64::from(across) * f64::from(down);
-        let per = |emitted: u64, count: f64| if emitted > 0 { count / (chart.area() * emitted as f64) } else { 0.0 };
+        let per = |emitted: u64, count: f64| {
+            if emitted > 0 { count / (chart.area() * emitted as f64) } else { 0.0 }
+        };
         let (by_element, by_small) = (per(emitted[0], elements), per(emitted[1], elements * each as f64));
         let mean_caustic = |map: u32| match map {
             NO_MAP => DVec3::ZERO,
@@ -208,7 +206,8 @@ impl Grid {
 
     fn read(&self, place: DVec2, values: &[Rgb]) -> Rgb {
         let (at, count) = weights(place, self.across, self.down, self.goes_round, self.kernel);
-        let value = |&(x, y, weight): &(u32, u32, f64)| values[(y * self.across + x) as usize] * weight as f32;
+        let value =
+            |&(x, y, weight): &(u32, u32, f64)| values[(y * self.across + x) as usize] * weight as f32;
         at[..count].iter().map(value).sum()
     }
 
@@ -263,7 +262,8 @@ fn chart_at(charts: &[Chart], position: DVec3, normal: DVec3) -> usize {
         let facing = chart.normal(position).dot(normal).abs();
         (facing < 0.7, chart.distance(position))
     };
-    let by_key = |a: &(usize, (bool, f64)), b: &(usize, (bool, f64))| a.1.0.cmp(&b.1.0).then(a.1.1.total_cmp(&b.1.1));
+    let by_key =
+        |a: &(usize, (bool, f64)), b: &(usize, (bool, f64))| a.1.0.cmp(&b.1.0).then(a.1.1.total_cmp(&b.1.1));
     charts.iter().map(key).enumerate().min_by(by_key).map_or(0, |(index, _)| index)
 }
 
@@ -283,10 +283,16 @@ impl IlluminationMaps {
     /// `finest` is, by surface, the smallest distance between the places that adjacent pixels show of it, in render space;
     /// infinite for what is not seen, and it may be empty. The sums are taken in the photons' order, so the maps are a function
     /// of the passes and of nothing else.
-    pub fn build(scene: &Scene, global: (&[Deposit], u64), caustic: Option<(&[Deposit], u64)>, finest: &[f32]) -> Self {
+    pub fn build(
+        scene: &Scene,
+        global: (&[Deposit], u64),
+        caustic: Option<(&[Deposit], u64)>,
+        finest: &[f32],
+    ) -> Self {
         let surfaces = scene.surfaces();
         let mut received = vec![0u64; surfaces.len()];
-        let counted = if global.0.is_empty() { caustic.map_or(&[][..], |(deposits, _)| deposits) } else { global.0 };
+        let counted =
+            if global.0.is_empty() { caustic.map_or(&[][..], |(deposits, _)| deposits) } else { global.0 };
         for deposit in counted {
             received[deposit.surface as usize] += 1;
         }
@@ -341,7 +347,9 @@ impl IlluminationMaps {
         let mut keys: Vec<(u32, usize, usize)> = fillings.keys().copied().collect();
         keys.sort_unstable();
         for key @ (surface, index, side) in keys {
-            let (Some(map), Some(filling)) = (&mut maps[surface as usize], fillings.remove(&key)) else { continue };
+            let (Some(map), Some(filling)) = (&mut maps[surface as usize], fillings.remove(&key)) else {
+                continue;
+            };
             let grid = Grid::finish(filling, &map.shape.charts[index], map.shape.kernel, emitted);
             let each = u64::from(grid.refinement).pow(2);
             sizes.elements += grid.diffuse.len() as u64;
@@ -358,7 +366,13 @@ impl IlluminationMaps {
         self.sizes
     }
 
-    fn at(&self, surface: u32, position: Vec3, normal: Vec3, read: impl Fn(&Grid, DVec2) -> Rgb) -> Option<Rgb> {
+    fn at(
+        &self,
+        surface: u32,
+        position: Vec3,
+        normal: Vec3,
+        read: impl Fn(&Grid, DVec2) -> Rgb,
+    ) -> Option<Rgb> {
         let map = self.maps.get(surface as usize)?.as_ref()?;
         let (index, side, place) = place_on(&map.shape, position, normal);
         Some(map.grids[index][side].as_ref().map_or(Rgb::ZERO, |grid| read(grid, place)))

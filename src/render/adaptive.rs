@@ -72,7 +72,8 @@ impl SampleCounts {
         let pixels = moments.len();
         let mean = moments.iter().map(Moments::mean).sum::<f64>() / pixels as f64;
         let own: Vec<f64> = moments.iter().map(|m| m.relative_deviation(DARK * mean)).collect();
-        let mut around: Vec<f64> = (0..pixels).map(|index| of_neighbours(&own, width as usize, index)).collect();
+        let mut around: Vec<f64> =
+            (0..pixels).map(|index| of_neighbours(&own, width as usize, index)).collect();
         let floor = FLOOR * around.iter().sum::<f64>() / pixels as f64;
         around.iter_mut().for_each(|deviation| *deviation += floor);
         let (least, most) = (f64::from(pilot), MOST * f64::from(spp));

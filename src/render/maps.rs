@@ -7,8 +7,8 @@ use super::stats::{IlluminationStatistics, MapStatistics, PhotonStatistics, Shad
 use crate::integrators::{PhotonMapSettings, PhotonMaps, visible_domain};
 use crate::lights::LightId;
 use crate::photons::{
-    Deposit, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass, PhotonClasses, PhotonMap, PhotonTally,
-    TraceSettings, TracedPhotons, build_shadow_maps, split_deposits,
+    Deposit, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
+    PhotonClasses, PhotonMap, PhotonTally, TraceSettings, TracedPhotons, build_shadow_maps, split_deposits,
     trace_photons,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
@@ -299,7 +299,8 @@ impl MapBuilder<'_> {
         };
         self.pass.statistics.push(statistics);
         let start = Instant::now();
-        let TracedPhotons { photons, surfaces, emitted, tallies, stopped, reached, missing, divided } = traced;
+        let TracedPhotons { photons, surfaces, emitted, tallies, stopped, reached, missing, divided } =
+            traced;
         let keeps_all = !self.settings.illumination_maps || self.settings.integrator == IntegratorKind::Path;
         let surfaces = if keeps_all { Vec::new() } else { surfaces };
         let (photons, deposits) = split_deposits(photons, &surfaces, scene);
@@ -311,8 +312,17 @@ impl MapBuilder<'_> {
             statistics.bytes = map.memory_bytes() as u64;
             statistics.seconds_building = start.elapsed().as_secs_f64();
         }
-        let findings =
-            Findings { scene, name, kind, wanted, summed, map: &map, tallies: &tallies, stopped, reached: &reached };
+        let findings = Findings {
+            scene,
+            name,
+            kind,
+            wanted,
+            summed,
+            map: &map,
+            tallies: &tallies,
+            stopped,
+            reached: &reached,
+        };
         findings.warn(&missing, &divided, &mut self.pass.warnings);
         self.pass.reports.push(MapReport { kind, emitted, tallies });
         Some(map)
@@ -442,7 +452,8 @@ impl Findings<'_> {
     fn warn_of_lights(&self, missing: &[LightId], divided: &[LightId], warnings: &mut Vec<String>) {
         let light_name = |light: usize| self.scene.light_note(light).name.as_str();
         let starved = |tally: &PhotonTally| {
-            let none = self.kind == MapKind::Global && tally.stored == 0 && self.map.len() as u64 + self.summed > 0;
+            let none =
+                self.kind == MapKind::Global && tally.stored == 0 && self.map.len() as u64 + self.summed > 0;
             tally.emitted > 0 && (tally.emitted < STARVED || none)
         };
         let lights: Vec<usize> =

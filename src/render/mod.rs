@@ -10,8 +10,8 @@ mod probe;
 mod settings;
 mod stats;
 
-pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
 pub use adaptive::SampleCounts;
+pub use job::{RenderError, RenderRequest, Rendered, Stop, render};
 pub use maps::{MapReport, PassOne, build_maps, build_maps_seen};
 pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};

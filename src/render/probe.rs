@@ -1,8 +1,8 @@
 //! Irradiance at places of the scene, by several estimators side by side.
 
+use super::RenderError;
 use super::maps::build_maps;
 use super::observer::Observer;
-use super::RenderError;
 use super::settings::{IntegratorKind, Settings};
 use crate::integrators::{Irradiance, PathTracer, PhotonMapIntegrator, PhotonMaps, Receiver, Scratch};
 use crate::math::{Ray, Rgb};
@@ -160,8 +160,11 @@ pub fn probe(
     request: &ProbeRequest,
     observer: &dyn Observer,
 ) -> Result<Option<Probed>, RenderError> {
-    let settings =
-        Settings { integrator: IntegratorKind::PhotonMap, irradiance_cache: false, ..request.settings.clone() };
+    let settings = Settings {
+        integrator: IntegratorKind::PhotonMap,
+        irradiance_cache: false,
+        ..request.settings.clone()
+    };
     let plan = settings.plan(scene);
     let needs_maps = request.estimators.iter().any(|&estimator| estimator != ProbeEstimator::Path);
     let (mut maps, mut warnings) = (PhotonMaps::default(), Vec::new());
@@ -241,7 +244,8 @@ impl Probing<'_> {
             };
             // Nothing rather than zero where a surface has no such map.
             let has_sums = mapped.summed_irradiance(&landing.receiver).is_some();
-            let applies = |estimator: &&ProbeEstimator| **estimator != ProbeEstimator::IlluminationMap || has_sums;
+            let applies =
+                |estimator: &&ProbeEstimator| **estimator != ProbeEstimator::IlluminationMap || has_sums;
             let readings = request.estimators.iter().filter(applies).map(|&estimator| {
                 let count = if estimator.is_sampled() { samples } else { 1 };
                 let chunks: Vec<Sums> = (0..count.div_ceil(CHUNK))

@@ -196,13 +196,21 @@ mod tests {
         let quad = Quad::new(center, edges.0, edges.1).unwrap();
         type Sampler<'a> = Box<dyn Fn(Vec2) -> (DVec3, DVec3) + 'a>;
         let cases: [(Chart, Sampler<'_>, f64); 4] = [
-            (Chart::sphere(center, 0.7).unwrap(), Box::new(|u| sphere.sample_area(u)).map_point(), sphere.area()),
+            (
+                Chart::sphere(center, 0.7).unwrap(),
+                Box::new(|u| sphere.sample_area(u)).map_point(),
+                sphere.area(),
+            ),
             (
                 Chart::cylinder(center, center + axis, 0.4).unwrap(),
                 Box::new(|u| cylinder.sample_area(u)).map_point(),
                 cylinder.area(),
             ),
-            (Chart::disc(center, axis, 1.3).unwrap(), Box::new(|u| disc.sample_area(u)).map_point(), disc.area()),
+            (
+                Chart::disc(center, axis, 1.3).unwrap(),
+                Box::new(|u| disc.sample_area(u)).map_point(),
+                disc.area(),
+            ),
             (
                 Chart::parallelogram(center, edges.0, edges.1).unwrap(),
                 Box::new(|u| quad.sample_area(u)).map_point(),

@@ -155,7 +155,9 @@ impl Solid {
             let u = u * (side * turn);
             Chart::parallelogram(self.center + out * side - u - v, 2.0 * u, 2.0 * v).ok()
         };
-        (0..6).map(|face_number| face(face_number / 2, if face_number % 2 == 0 { 1.0 } else { -1.0 })).collect()
+        (0..6)
+            .map(|face_number| face(face_number / 2, if face_number % 2 == 0 { 1.0 } else { -1.0 }))
+            .collect()
     }
 
     /// The body under a transform, which must not flatten it.

@@ -48,7 +48,9 @@ fn ratios(stage: &Stage, overrides: &Overrides, places: &[(f64, f64)]) -> Vec<f6
     let points = places.iter().map(|&(x, z)| point(x, z)).collect();
     let probed = look(stage, overrides, points, ProbeEstimator::PhotonMap);
     let found = probed.points.iter().zip(places);
-    found.map(|(found, &(x, z))| found.as_ref().unwrap().readings[0].irradiance[1].y / SQUARE.caustic(x, z)).collect()
+    found
+        .map(|(found, &(x, z))| found.as_ref().unwrap().readings[0].irradiance[1].y / SQUARE.caustic(x, z))
+        .collect()
 }
 
 /// Mean and RMS deviation from the exact solution.
@@ -56,8 +58,9 @@ fn ratios(stage: &Stage, overrides: &Overrides, places: &[(f64, f64)]) -> Vec<f6
 fn the_mirror_square_within_its_bounds() {
     let stage = Stage::load("mirror-square", (4, 4));
     // Far enough from the edges for the widest estimate, of radius 0.14.
-    let places: Vec<(f64, f64)> =
-        (0..21).flat_map(|i| (-2..=2).map(move |j| (0.3 + 0.07 * f64::from(i), 0.1 * f64::from(j)))).collect();
+    let places: Vec<(f64, f64)> = (0..21)
+        .flat_map(|i| (-2..=2).map(move |j| (0.3 + 0.07 * f64::from(i), 0.1 * f64::from(j))))
+        .collect();
     let cone = Kernel::Cone { k: 1.0 };
     for (kernel, nearest, check, bound) in [
         (Kernel::Constant, 200, false, 0.08),
@@ -175,11 +178,14 @@ fn means(stage: &Stage, map: &PhotonMap, cell: &Cell) -> [f64; 2] {
         }
     }
     let by_flux = stage.watts(flux / map.emitted() as f64) / cell.area();
-    let params = cardioid::photons::EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+    let params =
+        cardioid::photons::EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
     let mut scratch = Scratch::default();
     let mut sum = 0.0;
     for i in 0..ACROSS * ACROSS {
-        let at = |range: [f64; 2], i: u32| range[0] + (range[1] - range[0]) * (f64::from(i) + 0.5) / f64::from(ACROSS);
+        let at = |range: [f64; 2], i: u32| {
+            range[0] + (range[1] - range[0]) * (f64::from(i) + 0.5) / f64::from(ACROSS)
+        };
         let place = DVec3::new(at(cell.x, i % ACROSS), 0.0, at(cell.z, i / ACROSS));
         let query = Query::nearest(space.position(place).as_vec3(), Vec3::Y, 40);
         sum += f64::from(map.estimate_irradiance(&query, &params, &mut scratch).value.y);

@@ -138,7 +138,10 @@ fn the_mirror_square() {
     let mut description = load_scene(&path, &[]).unwrap();
     let figure = caustic_figure(&description, device(), 50_000, &Silent).unwrap();
     println!("{}", figure.to_markdown());
-    assert!(figure.to_svg().ends_with("</svg>\n") && figure.to_markdown().lines().count() == figure.rows.len() + 2);
+    assert!(
+        figure.to_svg().ends_with("</svg>\n")
+            && figure.to_markdown().lines().count() == figure.rows.len() + 2
+    );
     for row in &figure.rows {
         assert!((row.mean - 1.0).abs() < 0.01, "{row:?}");
         assert_eq!(row.line.len(), figure.places.len());
@@ -152,7 +155,8 @@ fn the_mirror_square() {
         elements: None,
         refinement: None,
     });
-    let stage = Stage { built: build_scene(&description, device(), (4, 4)).unwrap(), description, size: (4, 4) };
+    let stage =
+        Stage { built: build_scene(&description, device(), (4, 4)).unwrap(), description, size: (4, 4) };
     let cell = Cell::around(1.0, 0.0, 0.6);
     let across = |range: [f64; 2], i: u32| range[0] + (range[1] - range[0]) * (f64::from(i) + 0.5) / 30.0;
     let places: Vec<DVec3> =
@@ -188,13 +192,22 @@ fn what_has_no_coordinates_is_refused() {
     assert!(message.contains("no coordinates") && message.contains("s.toml:"), "{message}");
     for (shape, more, why) in [
         ("type = \"sphere\"\nradius = 1\nmaterial = \"s\"", "", "`lambert`"),
-        ("type = \"sphere\"\nradius = 1\nmaterial = \"m\"\ntransform = [{ scale = [1, 2, 1] }]", "", "scaled"),
-        ("type = \"sphere\"\nradius = 1\nmaterial = \"m\"\ngroup = \"g\"", "[[instances]]\ngroup = \"g\"\n", "group"),
+        (
+            "type = \"sphere\"\nradius = 1\nmaterial = \"m\"\ntransform = [{ scale = [1, 2, 1] }]",
+            "",
+            "scaled",
+        ),
+        (
+            "type = \"sphere\"\nradius = 1\nmaterial = \"m\"\ngroup = \"g\"",
+            "[[instances]]\ngroup = \"g\"\n",
+            "group",
+        ),
     ] {
         let description = parsed(&text(shape, more)).unwrap_or_else(|e| panic!("{e}"));
         let error = build_scene(&description, device(), (4, 4)).unwrap_err().to_string();
         assert!(error.contains(why) && error.contains("thing"), "{error}");
     }
-    let bad = text("type = \"sphere\"\nradius = 1\nmaterial = \"m\"", "").replace("map = true", "map = { elements = 0 }");
+    let bad = text("type = \"sphere\"\nradius = 1\nmaterial = \"m\"", "")
+        .replace("map = true", "map = { elements = 0 }");
     assert!(parsed(&bad).is_err());
 }

@@ -22,7 +22,8 @@ use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumId;
 use crate::photons::{
-    DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion, ShadowMaps,
+    DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion,
+    ShadowMaps,
 };
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};

@@ -23,7 +23,9 @@ pub enum FigureError {
     #[error(transparent)]
     Render(#[from] RenderError),
     /// Another scene.
-    #[error("the scene has no shape named `square`, whose caustic the figure is of; give scenes/mirror-square.toml")]
+    #[error(
+        "the scene has no shape named `square`, whose caustic the figure is of; give scenes/mirror-square.toml"
+    )]
     NoSquare,
     /// The observer.
     #[error("stopped")]
@@ -98,9 +100,8 @@ fn inside() -> Vec<(f64, f64)> {
 
 /// By line, then across the edge.
 fn across_edge() -> Vec<(f64, f64)> {
-    let across = |z: f64| {
-        (-EDGE_STEPS..=EDGE_STEPS).map(move |i| (MirrorSquare::EDGE + EDGE_STEP * f64::from(i), z))
-    };
+    let across =
+        |z: f64| (-EDGE_STEPS..=EDGE_STEPS).map(move |i| (MirrorSquare::EDGE + EDGE_STEP * f64::from(i), z));
     (-EDGE_LINES..=EDGE_LINES).flat_map(|j| across(0.1 * f64::from(j))).collect()
 }
 
@@ -145,7 +146,8 @@ pub fn caustic_figure(
         let all: Vec<(f64, f64)> = inside().into_iter().chain(across_edge()).chain(on_line).collect();
         let mut readings = Vec::new();
         for seed in 0..SEEDS {
-            let points = all.iter().map(|&(x, z)| ProbePoint { position: DVec3::new(x, 0.0, z), normal: DVec3::Y });
+            let points =
+                all.iter().map(|&(x, z)| ProbePoint { position: DVec3::new(x, 0.0, z), normal: DVec3::Y });
             let request = ProbeRequest {
                 points: points.collect(),
                 estimators: vec![estimator],
@@ -155,7 +157,10 @@ pub fn caustic_figure(
             };
             let probed = probe(&built.scene, &request, observer)?.ok_or(FigureError::Stopped)?;
             let caustic = |found: &Option<crate::render::ProbedSurface>| {
-                found.as_ref().and_then(|found| found.readings.first()).map_or(f64::NAN, |r| r.irradiance[1].y)
+                found
+                    .as_ref()
+                    .and_then(|found| found.readings.first())
+                    .map_or(f64::NAN, |r| r.irradiance[1].y)
             };
             readings.push(probed.points.iter().map(caustic).collect::<Vec<f64>>());
         }
@@ -168,9 +173,9 @@ pub fn caustic_figure(
 fn row(name: &str, readings: &[Vec<f64>]) -> FigureRow {
     let places = inside();
     let edge_places = across_edge();
-    let ratios = readings.iter().flat_map(|seed| {
-        seed.iter().zip(&places).map(|(value, &(x, z))| value / SQUARE.caustic(x, z))
-    });
+    let ratios = readings
+        .iter()
+        .flat_map(|seed| seed.iter().zip(&places).map(|(value, &(x, z))| value / SQUARE.caustic(x, z)));
     let ratios: Vec<f64> = ratios.collect();
     let n = ratios.len() as f64;
     let mean = ratios.iter().sum::<f64>() / n;
@@ -199,7 +204,8 @@ type Panel<'a> = (&'a str, &'a [(usize, &'a str)]);
 impl CausticFigure {
     /// A table with one line for each way.
     pub fn to_markdown(&self) -> String {
-        let mut text = String::from("| estimate | mean / exact | RMS | edge, 75 % to 25 % |\n|---|---|---|---|\n");
+        let mut text =
+            String::from("| estimate | mean / exact | RMS | edge, 75 % to 25 % |\n|---|---|---|---|\n");
         for row in &self.rows {
             let edge = row.edge.map_or("none".to_owned(), |edge| format!("{:.1} cm", 100.0 * edge));
             // Writing to a string does not fail.
@@ -253,7 +259,8 @@ impl CausticFigure {
                     py + 4.0
                 );
             }
-            let curves = rows.iter().filter_map(|&(row, colour)| Some((&self.rows.get(row)?.line, colour, 1.0)));
+            let curves =
+                rows.iter().filter_map(|&(row, colour)| Some((&self.rows.get(row)?.line, colour, 1.0)));
             for (values, colour, width) in curves.chain([(&self.exact, "black", 1.5)]) {
                 let points: Vec<String> = self
                     .places

@@ -5,8 +5,8 @@ mod place;
 
 use self::place::{Placed, Source};
 use super::description::{
-    CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, LightDescription, Location,
-    MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
+    CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, LightDescription,
+    Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
 use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
@@ -16,8 +16,8 @@ use crate::lights::{AreaLight, DirectionalLight, EnvironmentLight, Light, PointL
 use crate::math::{Bounds3, unit_f64};
 use crate::media::Medium;
 use crate::scene::{
-    Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace, Scene, SceneParts,
-    Surface, Target,
+    Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
+    Scene, SceneParts, Surface, Target,
 };
 use crate::shapes::{EmitterShape, ShapeError};
 use glam::{DAffine3, DVec3};

@@ -167,7 +167,8 @@ fn read_illumination(value: Value<'_>) -> Option<Option<IlluminationDescription>
     }
     let mut table = value.table("`illumination-map`", "")?;
     let kernel = table.or("kernel", IlluminationKernel::Tent, |value| value.choice(KERNELS));
-    let count = |most: u64| move |value: Value<'_>| value.integer(1..=most).and_then(|n| u32::try_from(n).ok());
+    let count =
+        |most: u64| move |value: Value<'_>| value.integer(1..=most).and_then(|n| u32::try_from(n).ok());
     let elements = table.optional("elements", count(4_194_304));
     let refinement = table.optional("refinement", count(64));
     table.finish();
