@@ -6,8 +6,7 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 size=${1:-320x240}
-program=target/release/cardioid
-[ -x "$program" ] || program=${CARGO_TARGET_DIR:-target}/release/cardioid
+program=${CARGO_TARGET_DIR:-target}/release/cardioid
 [ -x "$program" ] || { echo "build first: cargo build --release" >&2; exit 1; }
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
