@@ -41,3 +41,6 @@ How to read it:
 - **Shadow photons** save shadow rays, which are cheap here: [shadow-photons.md](shadow-photons.md).
 - **Differential checking** sharpens edges and shortens smooth slopes too, so that the error of the ring's caustic grows.
 END
+
+echo
+benches/figures.sh

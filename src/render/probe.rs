@@ -125,10 +125,8 @@ impl Sums {
     }
 
     fn merge(&mut self, later: &Self) {
-        for i in 0..4 {
-            self.values[i] += later.values[i];
-            self.squares[i] += later.squares[i];
-        }
+        self.values.iter_mut().zip(later.values).for_each(|(sum, value)| *sum += value);
+        self.squares.iter_mut().zip(later.squares).for_each(|(sum, square)| *sum += square);
     }
 
     fn reading(&self, estimator: ProbeEstimator, count: u32, scale: f64) -> Reading {
@@ -237,9 +235,7 @@ impl Probing<'_> {
                         mapped.gathered_irradiance(receiver, *medium, &mut stream, scratch)
                     }
                     ProbeEstimator::Path => paths.irradiance(receiver, *medium, &mut stream, scratch),
-                    ProbeEstimator::IlluminationMap => {
-                        mapped.summed_irradiance(receiver).unwrap_or(Irradiance::default())
-                    }
+                    ProbeEstimator::IlluminationMap => mapped.summed_irradiance(receiver).unwrap_or_default(),
                 }
             };
             // Nothing rather than zero where a surface has no such map.

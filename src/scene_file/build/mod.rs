@@ -399,14 +399,14 @@ impl<'a> Builder<'a> {
             let source = &self.sources[index].0;
             let total = to_render * transform;
             let emits = shape.value.emission.is_some();
+            if shape.value.illumination.is_some() && (instance.is_some() || source.needs_instance(&total)) {
+                let reason = "it is in a group, or scaled differently along different axes";
+                return Err(error_of(shape, BuildProblem::Illumination(reason)));
+            }
             // Emitters are lights of their own wherever they stand, so they are never instanced.
             if instance.is_some() && !emits && !source.needs_instance(&total) {
                 instanced[index] = true;
                 continue;
-            }
-            if shape.value.illumination.is_some() && (instance.is_some() || source.needs_instance(&total)) {
-                let reason = "it is in a group, or scaled differently along different axes";
-                return Err(error_of(shape, BuildProblem::Illumination(reason)));
             }
             if source.needs_instance(&total) {
                 if emits {
