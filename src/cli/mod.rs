@@ -7,6 +7,7 @@ mod picture;
 mod progress;
 mod render;
 mod settings;
+mod tradeoff;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -33,6 +34,7 @@ enum Command {
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
     Bench(bench_bvh::BenchArgs),
+    Tradeoff(tradeoff::TradeoffArgs),
 }
 
 /// Runs the program. Its exit codes are listed in [`EXIT_CODES`].
@@ -42,6 +44,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Bench(args) => bench_bvh::run(&args),
+        Command::Tradeoff(args) => tradeoff::run(&args),
     };
     outcome.unwrap_or_else(|error| {
         // A pipe that the reader closed is no error: `cardioid info scene | head`.

@@ -1,8 +1,10 @@
-//! How far a picture is from a reference: error figures over plain linear RGB. And how fast rays are traced ([`bvh`]).
+//! How far a picture is from a reference: error figures over plain linear RGB. How fast rays are traced ([`bvh`]), and what settings
+//! cost and buy ([`tradeoff`]).
 
 pub mod bvh;
 mod error;
 mod flip;
+pub mod tradeoff;
 
 pub use error::{ErrorFigures, MeasureError, Picture, Reference};
 pub use flip::{flip_map, mean_flip};

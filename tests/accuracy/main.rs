@@ -16,6 +16,7 @@ mod glossy;
 mod guide;
 mod photon_pass;
 mod pictures;
+mod progressive;
 mod projection;
 mod refraction;
 mod robust_rays;
