@@ -162,6 +162,8 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<ExitCode> {
         args.scene.threads
     };
     let scene = loaded.built.scene.name().to_owned();
+    let noise = 100.0 * cardioid::measure::tradeoff::reference_noise(halves.views()?);
+    let origin = format!("{origin}; {noise:.2} % of noise is left in their mean");
     let sweep = Sweep { scene, size: loaded.size, threads, reference: origin, outcomes, missing };
     let mut pictures = vec![Shown { name: "reference".to_owned(), png: halves.png }];
     pictures.extend(shown);
@@ -240,7 +242,12 @@ impl Sweeper<'_> {
                 let result = if files.stats.exists() {
                     self.read(&files).map(Some)
                 } else if is_late {
-                    missing.push((cell.name(), "no time was left".to_owned()));
+                    let which = if seed == 0 {
+                        String::new()
+                    } else {
+                        format!(" for {} of {seeds} seeds", seeds - seed)
+                    };
+                    missing.push((cell.name(), format!("no time was left{which}")));
                     break;
                 } else {
                     self.render(&cell.options, seed, &files)
@@ -288,7 +295,10 @@ impl Sweeper<'_> {
             let values = [read(first)?, read(second)?];
             let png = self.runs.join("reference.png");
             self.write_png(&png, &values[0])?;
-            return Ok(Some((Halves { size, values, png: file(&png)? }, "given".to_owned())));
+            return Ok(Some((
+                Halves { size, values, png: file(&png)? },
+                "two halves that were given".to_owned(),
+            )));
         }
         let share = self.args.time_budget.map(|budget| budget / 5);
         let time = self.args.reference_time.or(share).unwrap_or(Duration::from_secs(120));
@@ -375,6 +385,12 @@ impl Sweeper<'_> {
                 let _ = fs::remove_file(&files.stats);
                 return Ok(None);
             }
+            if self.args.time_budget.is_some_and(|budget| self.start.elapsed() > budget) {
+                let _ = child.kill();
+                child.wait().context("cannot wait for a render")?;
+                let _ = fs::remove_file(&files.stats);
+                bail!("it took longer than what was left of the time");
+            }
             if let Some(status) = child.try_wait().context("cannot wait for a render")? {
                 break status;
             }
@@ -411,10 +427,31 @@ fn file(path: &Path) -> Result<Vec<u8>> {
 
 /// Seconds that one picture of a cell will take at most, from the point where it starts.
 fn expected_seconds(cell: &Cell, outcomes: &[Outcome]) -> f64 {
-    let base = outcomes.iter().find(|other| other.cell.base == cell.base && other.cell.step.is_none());
-    match (base, &cell.step) {
-        (Some(base), Some(step)) => base.wall * step.cost,
-        _ => 0.0,
+    /// By how much each preset takes longer than the one before, at most.
+    const LONGER: f64 = 6.0;
+    let rank = |quality: Quality| {
+        [Quality::Draft, Quality::Preview, Quality::Final]
+            .iter()
+            .position(|&known| known == quality)
+            .unwrap_or(3)
+    };
+    let mut points = outcomes.iter().rev().filter(|other| other.cell.step.is_none());
+    match (&cell.step, cell.base) {
+        (Some(step), base) => points.find(|o| o.cell.base == base).map_or(0.0, |o| o.wall * step.cost),
+        (None, Base::Rounds(n)) => {
+            let one = points.find_map(|o| match o.cell.base {
+                Base::Rounds(m) => Some(o.wall / m as f64),
+                Base::Preset(_) => None,
+            });
+            one.map_or(0.0, |one| one * n as f64)
+        }
+        (None, Base::Preset(quality)) => {
+            let known = points.find_map(|o| match o.cell.base {
+                Base::Preset(known) => Some((rank(known), o.wall)),
+                Base::Rounds(_) => None,
+            });
+            known.map_or(0.0, |(below, wall)| wall * LONGER.powi(rank(quality) as i32 - below as i32))
+        }
     }
 }
 

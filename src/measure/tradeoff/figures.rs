@@ -61,6 +61,17 @@ pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<SeedFi
     })
 }
 
+/// Noise that is left in the mean of two halves of a reference, relative as in [`SeedFigures`].
+pub fn reference_noise(halves: [Picture<'_>; 2]) -> f64 {
+    let [a, b] = halves.map(|half| half.values());
+    let pairs = || a.iter().zip(b).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+    let count = a.len() as f64;
+    let mean = pairs().map(|(a, b)| 0.5 * (a + b).abs()).sum::<f64>() / count;
+    let floor = (0.01 * mean * mean).max(f64::MIN_POSITIVE);
+    let square = |(a, b): (f64, f64)| 0.25 * (a - b).powi(2) / (0.25 * (a + b).powi(2) + floor);
+    (pairs().map(square).sum::<f64>() / count).sqrt()
+}
+
 /// Which of these (time, error) no other beats in both: their numbers, by time.
 pub fn front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> =

@@ -78,12 +78,16 @@ const VIEWER: &str = "<h2>Pictures</h2>\n<p id=\"choice\"><label>Left <select id
 fn table(markdown: &str) -> String {
     let cells = |line: &str, tag: &str| -> String {
         let inside = line.trim().trim_start_matches('|').trim_end_matches('|');
-        inside.split('|').map(|cell| format!("<{tag}>{}</{tag}>", escaped(cell.trim()))).collect()
+        let text = |cell: &str| match cell.trim().strip_prefix("x ") {
+            Some(factor) => format!("× {}", escaped(factor)),
+            None => escaped(cell.trim()).replace("+-", "±"),
+        };
+        inside.split('|').map(|cell| format!("<{tag}>{}</{tag}>", text(cell))).collect()
     };
     let mut html = "<table>\n".to_owned();
     for (i, line) in markdown.lines().enumerate().filter(|&(i, line)| i != 1 && !line.is_empty()) {
         let _ = writeln!(html, "<tr>{}</tr>", cells(line, if i == 0 { "th" } else { "td" }));
     }
     html.push_str("</table>\n");
-    html.replace("x 0", "× 0").replace("+-", "±").replace("error^2 x time", "error² × time")
+    html.replace("error^2 x time", "error² × time")
 }

@@ -7,7 +7,7 @@ mod plot;
 mod sweep;
 mod tables;
 
-pub use figures::{SeedFigures, distance_to_front, figures, front};
+pub use figures::{SeedFigures, distance_to_front, figures, front, reference_noise};
 pub use html::{Shown, html};
 pub use plot::svg;
 pub use sweep::{Base, Cell, KNOBS, Step, sweep};
