@@ -594,6 +594,8 @@ mod tests {
                     min_normal_cos: if i % 2 == 0 { -2.0 } else { MIN_NORMAL_COS },
                     classes: if every_class { PhotonClasses::ALL } else { PhotonClasses::LIGHT },
                     differential_check: false,
+                    radius_share: 1.0,
+                    narrower: false,
                 };
                 let wanted = brute_force(&map, &query);
                 prop_assert_eq!(&sorted(map.search(&query, &mut scratch)), &wanted);
