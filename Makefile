@@ -3,7 +3,7 @@
 SCENE := scenes/cornell-spheres.toml
 PICTURE := out/cornell-spheres.exr
 
-.PHONY: demo test bench peers results check fmt clippy doc setup
+.PHONY: demo test bench peers results quality check fmt clippy doc setup
 
 # Renders a scene, in a minute or so.
 demo: setup
@@ -28,6 +28,12 @@ results: setup
 	cargo build --release
 	benches/results.sh >docs/results.md.new
 	mv docs/results.md.new docs/results.md
+
+# All tables of docs/quality.md, anew: presets against what nothing beats, and the price of each knob.
+quality: setup
+	cargo build --release
+	benches/quality.sh >docs/quality.md.new
+	mv docs/quality.md.new docs/quality.md
 
 check: fmt clippy doc
 

@@ -674,3 +674,112 @@ fn help_and_version() {
     // Nothing at all asked for: the help, as an error.
     assert_eq!(run(&folder, &[]).status.code(), Some(2));
 }
+
+#[test]
+fn rounds_are_kept_and_gone_on_with() {
+    let folder = folder();
+    let spheres = spheres();
+    let args = |more: &[&'static str]| -> Vec<String> {
+        let fixed = ["--integrator", "progressive", "--checkpoint", "kept", "--stats", "s.json"];
+        render_args(&spheres, &fixed).into_iter().chain(more.iter().copied()).map(str::to_owned).collect()
+    };
+    let shoot = |more: &[&'static str]| {
+        let args = args(more);
+        run(&folder, &args.iter().map(String::as_str).collect::<Vec<_>>())
+    };
+    let output = shoot(&["--rounds", "2", "-o", "a.exr"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let output = shoot(&["--rounds", "4", "--resume", "kept", "-o", "b.exr"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let statistics: Value =
+        serde_json::from_str(&fs::read_to_string(folder.path().join("s.json")).unwrap()).unwrap();
+    assert_eq!(statistics["rounds"]["done"], 4);
+    assert_eq!(statistics["rounds"]["resumed"], 2);
+    assert!(statistics["process"]["cpu"].as_f64().unwrap() > 0.0);
+    let image = image_io::read(folder.path().join("b.exr")).unwrap();
+    assert_eq!(image.metadata("cardioid/rounds"), Some(&MetadataValue::Double(4.0)));
+    assert!(image.layer("bias").is_some());
+    assert_fails(
+        &folder,
+        &render_args(&spheres, &["--integrator", "progressive", "--resume", "kept", "--seed", "3"]),
+        1,
+        &["kept", "seed was 0 and is 3"],
+    );
+    assert_fails(
+        &folder,
+        &render_args(&spheres, &["--checkpoint", "other"]),
+        1,
+        &["--integrator progressive"],
+    );
+    assert_fails(
+        &folder,
+        &render_args(&spheres, &["--integrator", "path", "--target-error", "0.1"]),
+        1,
+        &["--integrator progressive", "--target-error"],
+    );
+}
+
+#[test]
+fn a_small_sweep_and_the_same_again() {
+    let folder = folder();
+    let spheres = spheres();
+    let sweep = || {
+        run(
+            &folder,
+            &[
+                "tradeoff",
+                &spheres,
+                "--resolution",
+                "16x12",
+                "--seeds",
+                "2",
+                "--around",
+                "draft",
+                "--knobs",
+                "spp,kernel",
+                "--reference-time",
+                "1s",
+                "-o",
+                "out",
+            ],
+        )
+    };
+    let output = sweep();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let read = |name: &str| fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+    let csv = read("tradeoff.csv");
+    // The point, half and twice the samples, three other kernels.
+    assert_eq!(csv.lines().count(), 1 + 6, "{csv}");
+    for line in csv.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!(cells.len(), 15, "{line}");
+        // Seconds and errors.
+        for cell in &cells[5..7] {
+            assert!(cell.parse::<f64>().unwrap() > 0.0, "{line}");
+        }
+        assert!(cells[9].parse::<f64>().unwrap() > 0.0 && cells[11].parse::<f64>().unwrap() > 0.0, "{line}");
+    }
+    assert!(csv.lines().skip(1).any(|line| line.split(',').nth(13) == Some("1")), "{csv}");
+    let html = read("report.html");
+    assert_eq!(html.matches("data:image/png;base64,iVBOR").count(), 7);
+    for outside in ["http://", "https://", "src=\"", "href="] {
+        let found = html.matches(outside).count();
+        // The name of SVG's language is no address that anything is loaded from.
+        assert_eq!(found, usize::from(outside == "http://"), "{outside}");
+    }
+    assert!(read("tradeoff.svg").starts_with("<svg") && read("tradeoff.md").contains("kernel"));
+    // Nothing is rendered again.
+    let runs = folder.path().join("out/runs");
+    let times = || -> Vec<_> {
+        names_in(&runs)
+            .iter()
+            .map(|name| fs::metadata(runs.join(name)).unwrap().modified().unwrap())
+            .collect()
+    };
+    let before = times();
+    assert_eq!(before.len(), 3 * (2 + 2 * 6));
+    assert!(sweep().status.success());
+    assert_eq!(times(), before);
+    assert_eq!(read("tradeoff.csv"), csv);
+    assert_fails(&folder, &["tradeoff", &spheres, "--knobs", "sp"], 2, &["sp", "caustic-nearest"]);
+}

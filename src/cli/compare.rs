@@ -157,6 +157,15 @@ fn load(path: &Path, aov: &str) -> Result<Loaded> {
     Ok(Loaded { width: image.width, height: image.height, values })
 }
 
+/// The size of a layer of a picture, and its values as linear RGB.
+///
+/// # Errors
+/// Where the file cannot be read or has no such layer.
+pub(crate) fn read_picture(path: &Path, aov: &str) -> Result<((u32, u32), Vec<f32>)> {
+    let Loaded { width, height, values } = load(path, aov)?;
+    Ok(((width, height), values))
+}
+
 /// True for the kinds of file that hold sRGB rather than linear values.
 fn is_display_encoded(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();

@@ -10,6 +10,7 @@ mod probe;
 mod progress;
 mod render;
 mod settings;
+mod tradeoff;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -38,6 +39,7 @@ enum Command {
     Compare(compare::CompareArgs),
     Probe(probe::ProbeArgs),
     Bench(bench_bvh::BenchArgs),
+    Tradeoff(tradeoff::TradeoffArgs),
 }
 
 /// Runs the program. Its exit codes are listed in [`EXIT_CODES`].
@@ -49,6 +51,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Compare(args) => compare::run(&args),
         Command::Probe(args) => probe::run(&args),
         Command::Bench(args) => bench_bvh::run(&args),
+        Command::Tradeoff(args) => tradeoff::run(&args),
     };
     outcome.unwrap_or_else(|error| {
         // A pipe that the reader closed is no error: `cardioid info scene | head`.

@@ -2,7 +2,7 @@
 
 use crate::support::*;
 use cardioid::film::PixelRect;
-use cardioid::render::{GuideKind, MapKind, Overrides};
+use cardioid::render::{GuideKind, IntegratorKind, MapKind, Overrides};
 
 /// Everything the film holds, as bits.
 fn bits(shot: &Shot) -> Vec<(&'static str, Vec<u32>)> {
@@ -23,7 +23,7 @@ fn assert_same_bits(what: &str, a: &Shot, b: &Shot) {
 }
 
 /// Every integrator, with settings that are quick and leave nothing out.
-fn integrators() -> [(&'static str, Overrides); 7] {
+fn integrators() -> [(&'static str, Overrides); 8] {
     let maps = Overrides {
         spp: Some(3),
         global_photons: Some(20_000),
@@ -46,6 +46,16 @@ fn integrators() -> [(&'static str, Overrides); 7] {
         ),
         ("guided photon map", Overrides { guide: Some(GuideKind::Photons), ..maps.clone() }),
         ("photon map", maps.clone()),
+        (
+            "rounds",
+            Overrides {
+                integrator: Some(IntegratorKind::Progressive),
+                rounds: Some(3),
+                spp: Some(1),
+                irradiance_cache: Some(false),
+                ..maps.clone()
+            },
+        ),
         ("photon map, full estimates", Overrides { precomputed_irradiance: Some(false), ..gathered }),
         ("global photons", Overrides { spp: Some(2), global_photons: Some(20_000), ..show(MapKind::Global) }),
         (

@@ -22,6 +22,7 @@ mod lights;
 mod many_lights;
 mod photon_pass;
 mod pictures;
+mod progressive;
 mod projection;
 mod refraction;
 mod robust_rays;

@@ -92,8 +92,8 @@ mod tests {
         let new = || Film::new(5, 3, None, layers).unwrap();
         let sample = |i: u32| PixelSample {
             radiance: [Rgb::new(0.1 * i as f32, 1.0 / 3.0, 7.0); 5],
-            depth: if i % 3 == 0 { f32::INFINITY } else { i as f32 },
-            object_id: (i % 2 == 0).then_some(i % 4),
+            depth: if i.is_multiple_of(3) { f32::INFINITY } else { i as f32 },
+            object_id: i.is_multiple_of(2).then_some(i % 4),
             bias: Rgb::new(-0.1, 0.2, if i == 8 { f32::NAN } else { 0.0 }),
             ..PixelSample::default()
         };

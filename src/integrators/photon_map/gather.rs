@@ -256,7 +256,7 @@ impl PhotonMapIntegrator<'_> {
         if let Some(narrowing) = self.settings.narrowing
             && refreshed(u, MAP_OR_NOT) >= narrowing.read_share
         {
-            return self.compared(narrowing.read_share, landing, recursion, u, scratch);
+            return self.compared(narrowing.read_share, (landing, distance), recursion, u, scratch);
         }
         (self.mostly_approximate(landing, distance, recursion, u, scratch), Rgb::ZERO)
     }
@@ -270,8 +270,7 @@ impl PhotonMapIntegrator<'_> {
         u: f32,
         scratch: &mut Scratch,
     ) -> Rgb {
-        let matters = landing.weight >= self.settings.approximate_weight;
-        if distance < self.settings.accurate_distance && recursion < CLOSE_RECURSIONS && matters {
+        if self.is_too_close(landing, distance, recursion) {
             scratch.counters.accurate_close += 1;
             return self.accurate(landing, recursion, u, scratch);
         }
@@ -294,6 +293,12 @@ impl PhotonMapIntegrator<'_> {
         is_lit || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
     }
 
+    /// Whether a surface is so close that the blur of the map would show, and carries enough for that to matter.
+    fn is_too_close(&self, landing: &Vertex<'_>, distance: f32, recursion: u32) -> bool {
+        let matters = landing.weight >= self.settings.approximate_weight;
+        distance < self.settings.accurate_distance && recursion < CLOSE_RECURSIONS && matters
+    }
+
     /// The four integrals where the map is read with probability `read_share` and now is not. And an estimate of the bias
     /// that reading it brings to the mean of both.
     ///
@@ -303,7 +308,7 @@ impl PhotonMapIntegrator<'_> {
     fn compared(
         &self,
         read_share: f32,
-        landing: &Vertex<'_>,
+        (landing, distance): (&Vertex<'_>, f32),
         recursion: u32,
         u: f32,
         scratch: &mut Scratch,
@@ -316,7 +321,8 @@ impl PhotonMapIntegrator<'_> {
             return (Rgb::ZERO, Rgb::ZERO);
         }
         let radiance = self.accurate(landing, recursion, u, scratch) / survival;
-        if recursion > 0 {
+        // Where no map is read either way, none brings bias.
+        if recursion > 0 || self.is_too_close(landing, distance, recursion) {
             return (radiance, Rgb::ZERO);
         }
         let Some(read) = self.approximate(landing.hit, landing.shading, scratch) else {

@@ -269,14 +269,17 @@ impl Run<'_> {
     fn has_reached(&self) -> bool {
         let RoundStatistics { done, error, target_error, .. } = &self.state.header.statistics;
         // Of equal halves, whose estimates are the most certain.
-        let is_known = *done >= FEWEST_ROUNDS && done % 2 == 0;
+        let is_known = *done >= FEWEST_ROUNDS && done.is_multiple_of(2);
         matches!((error, target_error), (Some(error), &Some(target)) if is_known && error.error <= target)
     }
 
     fn evaluate(&mut self, wanted: u64) {
         let statistics = &mut self.state.header.statistics;
         let done = statistics.done;
-        if done.is_power_of_two() || done == wanted || statistics.target_error.is_some() && done % 2 == 0 {
+        if done.is_power_of_two()
+            || done == wanted
+            || statistics.target_error.is_some() && done.is_multiple_of(2)
+        {
             statistics.error = error_of_halves(&self.state.halves, [done.div_ceil(2), done / 2]);
         }
         if done.is_power_of_two() {

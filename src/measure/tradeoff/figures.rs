@@ -1,0 +1,145 @@
+//! What the renders of one cell with several seeds say together.
+
+use crate::measure::{MeasureError, Picture};
+use serde::Serialize;
+
+/// Error of a cell, relative: roots of means over pixels and channels of squares over r^2 + f, with f a hundredth of the square
+/// of the reference's mean (the error that `--target-error` asks for). All are free of the reference's noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct SeedFigures {
+    /// Of a picture of one seed.
+    pub error: f64,
+    /// Standard error of [`Self::error`], from the spread over seeds; not a number for one seed.
+    pub uncertainty: f64,
+    /// Of a picture about the mean over seeds: noise. Not a number for one seed.
+    pub noise: f64,
+    /// Of the mean over all seeds: bias. Zero where it is lost in the noise, not a number for one seed.
+    pub bias: f64,
+}
+
+/// Compares pictures of one size that differ in their seeds with the two halves of a reference.
+///
+/// # Errors
+/// Where sizes differ, or a half is not finite.
+pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<SeedFigures, MeasureError> {
+    let size = halves[0].size();
+    for picture in seeds.iter().chain(&halves[1..]) {
+        if picture.size() != size {
+            return Err(MeasureError::Size { test: picture.size(), reference: size });
+        }
+    }
+    let [a, b] = halves.map(|half| half.values());
+    if let Some(at) = a.iter().zip(b).position(|(a, b)| !(a.is_finite() && b.is_finite())) {
+        let pixel = at as u32 / 3;
+        return Err(MeasureError::Reference { x: pixel % size.0, y: pixel / size.0 });
+    }
+    let values = a.len() as f64;
+    let whole = |i: usize| 0.5 * (f64::from(a[i]) + f64::from(b[i]));
+    let mean = (0..a.len()).map(|i| whole(i).abs()).sum::<f64>() / values;
+    let floor = (0.01 * mean * mean).max(f64::MIN_POSITIVE);
+    let count = seeds.len() as f64;
+    let mut squares = vec![0.0; seeds.len()];
+    let mut variance = 0.0;
+    for i in 0..a.len() {
+        let weight = (whole(i).powi(2) + floor).recip();
+        let of_seeds = || seeds.iter().map(|seed| f64::from(seed.values()[i]));
+        let centre = of_seeds().sum::<f64>() / count;
+        for (square, t) in squares.iter_mut().zip(of_seeds()) {
+            *square += (t - f64::from(a[i])) * (t - f64::from(b[i])) * weight / values;
+            variance += (t - centre).powi(2) * weight / values / (count - 1.0);
+        }
+    }
+    let square = squares.iter().sum::<f64>() / count;
+    let spread = squares.iter().map(|s| (s - square).powi(2)).sum::<f64>() / (count - 1.0) / count;
+    let error = square.max(0.0).sqrt();
+    Ok(SeedFigures {
+        error,
+        // Of a root: half of the relative one of the square.
+        uncertainty: 0.5 * spread.sqrt() / error.max(f64::MIN_POSITIVE),
+        noise: variance.sqrt(),
+        bias: if variance.is_nan() { f64::NAN } else { (square - variance).max(0.0).sqrt() },
+    })
+}
+
+/// Noise that is left in the mean of two halves of a reference, relative as in [`SeedFigures`].
+pub fn reference_noise(halves: [Picture<'_>; 2]) -> f64 {
+    let [a, b] = halves.map(|half| half.values());
+    let pairs = || a.iter().zip(b).map(|(&a, &b)| (f64::from(a), f64::from(b)));
+    let count = a.len() as f64;
+    let mean = pairs().map(|(a, b)| 0.5 * (a + b).abs()).sum::<f64>() / count;
+    let floor = (0.01 * mean * mean).max(f64::MIN_POSITIVE);
+    let square = |(a, b): (f64, f64)| 0.25 * (a - b).powi(2) / (0.25 * (a + b).powi(2) + floor);
+    (pairs().map(square).sum::<f64>() / count).sqrt()
+}
+
+/// Which of these (time, error) no other beats in both: their numbers, by time.
+pub fn front(points: &[(f64, f64)]) -> Vec<usize> {
+    let mut order: Vec<usize> =
+        (0..points.len()).filter(|&i| points[i].0 > 0.0 && points[i].1 > 0.0).collect();
+    order.sort_by(|&i, &j| points[i].0.total_cmp(&points[j].0).then(points[i].1.total_cmp(&points[j].1)));
+    let mut best = f64::INFINITY;
+    order.retain(|&i| {
+        let is_better = points[i].1 < best;
+        best = best.min(points[i].1);
+        is_better
+    });
+    order
+}
+
+/// How many times the error of the front at the same time this point has: interpolated between the points of the front in
+/// logarithms; 1 on the front, and against the first or last point of it beyond its ends.
+pub fn distance_to_front(points: &[(f64, f64)], front: &[usize], point: (f64, f64)) -> f64 {
+    let log = |i: usize| (points[i].0.ln(), points[i].1.ln());
+    let time = point.0.ln();
+    let after = front.partition_point(|&i| log(i).0 <= time);
+    let best = match (after.checked_sub(1).map(|i| log(front[i])), front.get(after).map(|&i| log(i))) {
+        (Some(before), Some(next)) => {
+            before.1 + (next.1 - before.1) * (time - before.0) / (next.0 - before.0)
+        }
+        (Some(only), None) | (None, Some(only)) => only.1,
+        (None, None) => return 1.0,
+    };
+    (point.1.ln() - best).exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream};
+
+    #[test]
+    fn noise_and_bias_of_seeds() {
+        let mut rng = Rng::new(3, Stream::Measure, 0);
+        let mut noisy = |mean: f64, deviation: f64| -> Vec<f32> {
+            let mut value = || mean + deviation * 12f64.sqrt() * (rng.next_f64() - 0.5);
+            (0..3 * 64 * 64).map(|_| value() as f32).collect()
+        };
+        // The reference is as noisy as what is compared with it.
+        let halves = [noisy(2.0, 0.4), noisy(2.0, 0.4)];
+        let pictures: Vec<_> = (0..4).map(|_| noisy(2.2, 0.4)).collect();
+        let view = |values| Picture::new(64, 64, values).unwrap();
+        let seeds: Vec<_> = pictures.iter().map(|p| view(p)).collect();
+        let found = figures(&seeds, [view(&halves[0]), view(&halves[1])]).unwrap();
+        // Weights are those of a noisy reference: 1 / (4.04) on average within 4 %.
+        let unit = 4.04f64.sqrt();
+        assert!((found.bias * unit - 0.2).abs() < 0.02, "{found:?}");
+        assert!((found.noise * unit - 0.4).abs() < 0.02, "{found:?}");
+        assert!((found.error.powi(2) - found.noise.powi(2) - found.bias.powi(2)).abs() < 1e-9);
+        assert!(found.uncertainty > 0.0 && found.uncertainty < 0.01, "{found:?}");
+        let one = figures(&seeds[..1], [view(&halves[0]), view(&halves[1])]).unwrap();
+        assert!(one.noise.is_nan() && one.bias.is_nan() && one.error > 0.0);
+    }
+
+    #[test]
+    fn what_nothing_beats() {
+        let points =
+            [(1.0, 0.5), (2.0, 0.6), (2.0, 0.2), (3.0, 0.2), (8.0, 0.1), (0.0, 0.01), (4.0, f64::NAN)];
+        let front = front(&points);
+        assert_eq!(front, [0, 2, 4]);
+        let distance = |point| distance_to_front(&points, &front, point);
+        assert!((distance((2.0, 0.6)) - 3.0).abs() < 1e-12);
+        assert!((distance((4.0, 0.2f64.sqrt() * 0.1f64.sqrt())) - 1.0).abs() < 1e-12);
+        assert!((distance((100.0, 0.3)) - 3.0).abs() < 1e-12 && (distance((0.5, 0.5)) - 1.0).abs() < 1e-12);
+        assert_eq!(distance_to_front(&points, &[], (1.0, 1.0)), 1.0);
+    }
+}

@@ -1,0 +1,84 @@
+//! Speed against accuracy: what settings cost and buy on one scene, which of them nothing beats, and what each step of a knob is
+//! worth. The renders themselves are made by `cardioid tradeoff`.
+
+mod figures;
+mod html;
+mod plot;
+mod sweep;
+mod tables;
+
+pub use figures::{SeedFigures, distance_to_front, figures, front, reference_noise};
+pub use html::{Shown, html};
+pub use plot::svg;
+pub use sweep::{Base, Cell, KNOBS, Step, sweep};
+pub use tables::{csv, front_table, knob_table, points_table};
+
+/// What one cell of a sweep came to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Which.
+    pub cell: Cell,
+    /// Seeds it was rendered with.
+    pub seeds: u64,
+    /// Seconds on the clock for one picture: median over seeds.
+    pub wall: f64,
+    /// Seconds of the processor, all threads: median over seeds.
+    pub cpu: f64,
+    /// Most memory of the process, bytes; `None` where the system does not tell.
+    pub memory: Option<u64>,
+    /// Photons in all maps of a picture.
+    pub photons: u64,
+    /// How far from the reference.
+    pub figures: SeedFigures,
+}
+
+/// A sweep of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sweep {
+    /// The scene's name.
+    pub scene: String,
+    /// Pixels across and down.
+    pub size: (u32, u32),
+    /// Threads of each render.
+    pub threads: usize,
+    /// Where the reference comes from.
+    pub reference: String,
+    /// What was rendered.
+    pub outcomes: Vec<Outcome>,
+    /// Cells that there was no time for, or that failed: name and reason.
+    pub missing: Vec<(String, String)>,
+}
+
+impl Sweep {
+    /// (Processor seconds, error) of each outcome.
+    pub fn points(&self) -> Vec<(f64, f64)> {
+        self.outcomes.iter().map(|outcome| (outcome.cpu, outcome.figures.error)).collect()
+    }
+
+    /// Numbers of the outcomes that no other beats in processor time and error both, by time.
+    pub fn front(&self) -> Vec<usize> {
+        front(&self.points())
+    }
+
+    /// The outcome at the point around which a cell turns a knob.
+    fn base_of(&self, outcome: &Outcome) -> Option<&Outcome> {
+        self.outcomes.iter().find(|other| other.cell.base == outcome.cell.base && other.cell.step.is_none())
+    }
+}
+
+/// A number with three digits that count.
+fn digits(x: f64) -> String {
+    match x.abs() {
+        a if !a.is_finite() => "-".to_owned(),
+        0.0 => "0".to_owned(),
+        a => {
+            let decimals = (2 - a.log10().floor() as i32).clamp(0, 6) as usize;
+            format!("{x:.decimals$}")
+        }
+    }
+}
+
+/// A share in percent.
+fn percent(x: f64) -> String {
+    if x.is_finite() { format!("{} %", digits(100.0 * x)) } else { "-".to_owned() }
+}

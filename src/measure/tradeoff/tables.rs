@@ -1,0 +1,107 @@
+//! Sweeps as CSV and as tables of Markdown.
+
+use super::{Outcome, Sweep, digits, distance_to_front, percent};
+use std::fmt::Write as _;
+
+/// All outcomes, one a line.
+pub fn csv(sweep: &Sweep) -> String {
+    let front = sweep.front();
+    let mut text = "point,knob,from,to,seeds,wall_s,cpu_s,memory_bytes,photons,error,error_se,noise,bias,on_front,options\n"
+        .to_owned();
+    for (i, outcome) in sweep.outcomes.iter().enumerate() {
+        let Outcome { cell, seeds, wall, cpu, memory, photons, figures } = outcome;
+        let (knob, from, to) = match &cell.step {
+            Some(step) => (step.knob, &*step.from, &*step.to),
+            None => ("", "", ""),
+        };
+        let memory = memory.map_or_else(String::new, |bytes| bytes.to_string());
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{},{knob},{from},{to},{seeds},{wall:.3},{cpu:.3},{memory},{photons},{:.6},{:.6},{:.6},{:.6},{},{}",
+            cell.base.name(),
+            figures.error,
+            figures.uncertainty,
+            figures.noise,
+            figures.bias,
+            u8::from(front.contains(&i)),
+            cell.options.join(" ")
+        );
+    }
+    text
+}
+
+/// What nothing beats, by time.
+pub fn front_table(sweep: &Sweep) -> String {
+    let rows = sweep.front().into_iter().map(|i| &sweep.outcomes[i]);
+    outcomes_table(rows, |_| None)
+}
+
+/// The points around which knobs were turned, and how far from the front they are: the error over that of the front at the same
+/// processor time.
+pub fn points_table(sweep: &Sweep) -> String {
+    let (points, front) = (sweep.points(), sweep.front());
+    let distance =
+        |outcome: &Outcome| Some(distance_to_front(&points, &front, (outcome.cpu, outcome.figures.error)));
+    outcomes_table(sweep.outcomes.iter().filter(|outcome| outcome.cell.step.is_none()), distance)
+}
+
+fn outcomes_table<'a>(
+    rows: impl Iterator<Item = &'a Outcome>,
+    distance: impl Fn(&Outcome) -> Option<f64>,
+) -> String {
+    let mut lines = Vec::new();
+    let mut has_distance = false;
+    for outcome in rows {
+        let Outcome { cell, wall, cpu, memory, figures, .. } = outcome;
+        let mut line = format!(
+            "| {} | {} | {} | {} | {} +- {} | {} | {} |",
+            cell.name(),
+            digits(*wall),
+            digits(*cpu),
+            memory.map_or_else(|| "-".to_owned(), |bytes| format!("{:.0} MB", bytes as f64 / 1e6)),
+            percent(figures.error),
+            percent(figures.uncertainty),
+            percent(figures.noise),
+            percent(figures.bias),
+        );
+        if let Some(distance) = distance(outcome) {
+            has_distance = true;
+            let _ = write!(line, " {distance:.2} |");
+        }
+        lines.push(line);
+    }
+    let (name, rule) = if has_distance { (" error over the front's |", "---|") } else { ("", "") };
+    format!(
+        "| settings | seconds | processor s | memory | error | noise | bias |{name}\n|---|---|---|---|---|---|---|{rule}\n{}\n",
+        lines.join("\n")
+    )
+}
+
+/// What each step of each knob costs and buys, as factors of the point where it starts. The last column is the work for the same
+/// error were all of it noise, error^2 x time: below one the step pays.
+pub fn knob_table(sweep: &Sweep) -> String {
+    let mut text = "| from | knob | step | processor s | error | noise | bias | error^2 x time |\n|---|---|---|---|---|---|---|---|\n"
+        .to_owned();
+    for outcome in &sweep.outcomes {
+        let (Some(step), Some(base)) = (&outcome.cell.step, sweep.base_of(outcome)) else { continue };
+        let factor = |get: fn(&Outcome) -> f64| {
+            let factor = get(outcome) / get(base);
+            if factor.is_finite() { format!("x {factor:.2}") } else { "-".to_owned() }
+        };
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} to {} | {} | {} | {} | {} | {} |",
+            outcome.cell.base.name(),
+            step.knob,
+            step.from,
+            step.to,
+            factor(|o| o.cpu),
+            factor(|o| o.figures.error),
+            factor(|o| o.figures.noise),
+            factor(|o| o.figures.bias),
+            factor(|o| o.figures.error.powi(2) * o.cpu),
+        );
+    }
+    text
+}
