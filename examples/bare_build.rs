@@ -39,19 +39,27 @@ fn main() -> Result<(), Box<dyn Error>> {
     while positions.len() < vertices {
         let bytes = &mut buffer[..BATCH.min(vertices - positions.len()) * 12];
         file.read_exact(bytes)?;
-        positions.extend(bytes.chunks_exact(12).map(|record| [0, 4, 8].map(|at| f32::from_le_bytes(word(record, at)))));
+        positions.extend(
+            bytes.chunks_exact(12).map(|record| [0, 4, 8].map(|at| f32::from_le_bytes(word(record, at)))),
+        );
     }
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(faces);
     while triangles.len() < faces {
         let bytes = &mut buffer[..BATCH.min(faces - triangles.len()) * 13];
         file.read_exact(bytes)?;
-        triangles.extend(bytes.chunks_exact(13).map(|record| [1, 5, 9].map(|at| u32::from_le_bytes(word(record, at)))));
+        triangles.extend(
+            bytes.chunks_exact(13).map(|record| [1, 5, 9].map(|at| u32::from_le_bytes(word(record, at)))),
+        );
     }
     let read = start.elapsed();
     let mut builder = SceneBuilder::new(&Arc::new(Device::new(threads)?))?;
     builder.add_triangles(TriangleBuffers::new(positions, triangles)?)?;
     let scene = builder.commit()?;
     let hit = scene.intersect(&Ray::new(Vec3::new(0.1, 0.2, 10.0), Vec3::NEG_Z));
-    println!("{vertices} vertices, {faces} triangles: read {:.2} s, in all {:.2} s, {hit:?}", read.as_secs_f64(), start.elapsed().as_secs_f64());
+    println!(
+        "{vertices} vertices, {faces} triangles: read {:.2} s, in all {:.2} s, {hit:?}",
+        read.as_secs_f64(),
+        start.elapsed().as_secs_f64()
+    );
     Ok(())
 }

@@ -82,7 +82,8 @@ fn run(target: &str, executions: u64, seed: u64) -> Result<(), Box<dyn Error>> {
                 }
                 // Numbers at the ends of their types.
                 _ if bytes.len() >= at + 4 => {
-                    let number = [0, 1, 0x7fff_ffff, 0x8000_0000, u32::MAX, 0x7fc0_0000, 0xff][below(&mut rng, 7)];
+                    let number =
+                        [0, 1, 0x7fff_ffff, 0x8000_0000, u32::MAX, 0x7fc0_0000, 0xff][below(&mut rng, 7)];
                     bytes[at..at + 4].copy_from_slice(&number.to_le_bytes());
                 }
                 _ => {}
@@ -93,7 +94,9 @@ fn run(target: &str, executions: u64, seed: u64) -> Result<(), Box<dyn Error>> {
         let Ok(is_read) = catch_unwind(|| common::execute(target, &bytes)) else {
             let name = format!("{target}.failure");
             fs::write(&name, &bytes)?;
-            return Err(format!("{target}: execution {execution} of seed {seed} failed; its file is {name}").into());
+            return Err(
+                format!("{target}: execution {execution} of seed {seed} failed; its file is {name}").into()
+            );
         };
         longest = longest.max(begun.elapsed().as_secs_f64());
         if is_read {

@@ -168,7 +168,8 @@ fn what_is_no_file_or_may_not_be_read() {
         }
         refused(work.path(), &path, &[]);
     }
-    let output = program(work.path()).args(["render", "pipe.toml", "--photon-map", "pipe.ply"]).output().unwrap();
+    let output =
+        program(work.path()).args(["render", "pipe.toml", "--photon-map", "pipe.ply"]).output().unwrap();
     assert!(!read_or_told(&output, "pipe"));
     use std::os::unix::fs::PermissionsExt;
     for name in ["locked.ply", "locked.obj", "locked.stl", "locked.toml"] {
@@ -190,7 +191,11 @@ fn a_full_disk_and_a_missing_folder() {
     let knot = root().join("scenes/meshes/knot.ply");
     for (option, value) in [("-o", "none/a.exr"), ("--stats", "none/a.json"), ("-o", "/dev/full")] {
         let mut command = program(work.path());
-        command.arg("render").arg(&knot).args(["--resolution", "8x8", "--spp", "1", "-q"]).args([option, value]);
+        command
+            .arg("render")
+            .arg(&knot)
+            .args(["--resolution", "8x8", "--spp", "1", "-q"])
+            .args([option, value]);
         let output = command.output().unwrap();
         assert!(!read_or_told(&output, value.trim_end_matches(".exr")), "{value}");
     }
@@ -239,7 +244,12 @@ fn landscape(path: &Path, side: u32) {
 }
 
 /// Starts, sends a signal after `delay`, and returns how it ended, what it said and what it left.
-fn signalled(mesh: &Path, command: &[&str], signal: &str, delay: Duration) -> (Option<i32>, String, Vec<PathBuf>) {
+fn signalled(
+    mesh: &Path,
+    command: &[&str],
+    signal: &str,
+    delay: Duration,
+) -> (Option<i32>, String, Vec<PathBuf>) {
     let work = folder();
     let mut child = program(work.path())
         .arg(command[0])
@@ -278,7 +288,8 @@ fn signals_at_any_time() {
     let meshes = folder();
     let mesh = meshes.path().join("landscape.ply");
     landscape(&mesh, 700);
-    let render = ["render", "--resolution", "48x48", "--spp", "100000", "--photons", "3M", "-o", "a.exr", "-q"];
+    let render =
+        ["render", "--resolution", "48x48", "--spp", "100000", "--photons", "3M", "-o", "a.exr", "-q"];
     let photons = ["photons", "--photons", "20M", "-o", "a.photons", "-q"];
     let mut stopped_early = 0;
     for (number, milliseconds) in [10, 60, 150, 300, 600, 1200, 2500, 5000].into_iter().enumerate() {
@@ -306,7 +317,17 @@ fn a_limit_of_memory() {
     landscape(&mesh, 500);
     let render = |more: &[&str]| {
         let mut command = program(work.path());
-        command.arg("render").arg(&mesh).args(["--resolution", "16x16", "--spp", "1", "--quality", "draft", "-q", "-o", "a.png"]);
+        command.arg("render").arg(&mesh).args([
+            "--resolution",
+            "16x16",
+            "--spp",
+            "1",
+            "--quality",
+            "draft",
+            "-q",
+            "-o",
+            "a.png",
+        ]);
         command.args(more).output().unwrap()
     };
     let output = render(&["--memory-limit", "70MB"]);
@@ -322,7 +343,8 @@ fn a_limit_of_memory() {
     let output = render(&["--memory-limit", "300MB", "--stats", "a.json"]);
     assert!(read_or_told(&output, ""), "{}", String::from_utf8_lossy(&output.stderr));
     // And the estimate holds.
-    let stats: serde_json::Value = serde_json::from_slice(&fs::read(work.path().join("a.json")).unwrap()).unwrap();
+    let stats: serde_json::Value =
+        serde_json::from_slice(&fs::read(work.path().join("a.json")).unwrap()).unwrap();
     let peak = stats["memory"]["pixels"]["peak"].as_u64().unwrap();
     assert!(peak < 300_000_000, "{peak}");
 }

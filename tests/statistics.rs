@@ -34,7 +34,16 @@ fn every_key_of_the_statistics_is_documented() {
             .stdin(Stdio::null())
             .arg("render")
             .arg(scene)
-            .args(["--resolution", "24x20", "--spp", "1", "--global-photons", "2000", "--caustic-photons", "2000"])
+            .args([
+                "--resolution",
+                "24x20",
+                "--spp",
+                "1",
+                "--global-photons",
+                "2000",
+                "--caustic-photons",
+                "2000",
+            ])
             .args(["-q", "-o", "a.png", "--stats", "a.json", "--stats-table"])
             .args(more)
             .output()
@@ -46,7 +55,10 @@ fn every_key_of_the_statistics_is_documented() {
     let (plain, table) = run("cornell-spheres.toml", &["--shadow-photons", "bounded"]);
     let mut found = BTreeSet::new();
     keys(&plain, &mut found);
-    keys(&run("mesh.toml", &["--guide", "photons", "--irradiance-cache", "false", "--quality", "final"]).0, &mut found);
+    keys(
+        &run("mesh.toml", &["--guide", "photons", "--irradiance-cache", "false", "--quality", "final"]).0,
+        &mut found,
+    );
     let file = ["photons", "cornell-spheres.toml"];
     let saved = Command::new(env!("CARGO_BIN_EXE_cardioid"))
         .current_dir(folder.path())
@@ -62,7 +74,8 @@ fn every_key_of_the_statistics_is_documented() {
     let document = fs::read_to_string(root.join("docs/statistics.md")).unwrap();
     let missing: Vec<_> = found.iter().filter(|key| !document.contains(&format!("`{key}`"))).collect();
     assert!(missing.is_empty(), "docs/statistics.md does not name {missing:?}");
-    let help = Command::new(env!("CARGO_BIN_EXE_cardioid")).args(["render", "--help"]).output().unwrap().stdout;
+    let help =
+        Command::new(env!("CARGO_BIN_EXE_cardioid")).args(["render", "--help"]).output().unwrap().stdout;
     let help = String::from_utf8(help).unwrap();
     for option in plain["settings"].as_object().unwrap().keys() {
         assert!(help.contains(&format!("--{option}")), "no option --{option}");
@@ -85,10 +98,21 @@ fn every_key_of_the_statistics_is_documented() {
         assert!(memory["peak"].as_u64().unwrap() >= memory["resident"].as_u64().unwrap(), "{memory}");
     }
     assert!(plain["memory"]["hierarchy"].as_u64().unwrap() > 0);
-    for part in ["reading and building", "in memory", "tracing caustic photons", "camera", "gather", "irradiance cache:", "W emitted"] {
+    for part in [
+        "reading and building",
+        "in memory",
+        "tracing caustic photons",
+        "camera",
+        "gather",
+        "irradiance cache:",
+        "W emitted",
+    ] {
         assert!(table.contains(part), "no `{part}` in\n{table}");
     }
     assert!(table.contains("shadow photons of light 0") && !table.contains("NaN"), "{table}");
-    assert!(read_table.contains("reading photon maps") && read_table.contains("read from a file"), "{read_table}");
+    assert!(
+        read_table.contains("reading photon maps") && read_table.contains("read from a file"),
+        "{read_table}"
+    );
     println!("{table}");
 }

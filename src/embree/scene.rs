@@ -197,7 +197,10 @@ impl SceneBuilder {
     ///
     /// # Errors
     /// Where Embree runs out of memory, or was stopped.
-    pub fn commit_watched(self, progress: &(dyn Fn(f64) -> bool + Sync)) -> Result<CommittedScene, EmbreeError> {
+    pub fn commit_watched(
+        self,
+        progress: &(dyn Fn(f64) -> bool + Sync),
+    ) -> Result<CommittedScene, EmbreeError> {
         let watch = Watch(progress);
         let slot = std::ptr::from_ref(&watch).cast_mut().cast::<c_void>();
         // SAFETY: a valid scene that only this builder knows; `watch` outlives the build, after which the library forgets it.
@@ -427,9 +430,11 @@ mod tests {
     fn a_build_is_followed_and_can_be_stopped() {
         let device = Arc::new(Device::new(2).unwrap());
         let side = 300u32;
-        let places = (0..=side).flat_map(|y| (0..=side).map(move |x| [x as f32, y as f32, (x * y % 7) as f32]));
+        let places =
+            (0..=side).flat_map(|y| (0..=side).map(move |x| [x as f32, y as f32, (x * y % 7) as f32]));
         let corner = move |x: u32, y: u32| y * (side + 1) + x;
-        let faces = (0..side).flat_map(move |y| (0..side).map(move |x| [corner(x, y), corner(x + 1, y), corner(x, y + 1)]));
+        let faces = (0..side)
+            .flat_map(move |y| (0..side).map(move |x| [corner(x, y), corner(x + 1, y), corner(x, y + 1)]));
         let buffers = TriangleBuffers::new(places.collect(), faces.collect()).unwrap();
         for goes_on in [true, false] {
             let mut builder = SceneBuilder::new(&device).unwrap();

@@ -76,10 +76,14 @@ pub enum PhotonFileProblem {
     #[error("is not a file of photon maps; make one with `cardioid photons SCENE -o FILE`")]
     Foreign,
     /// A layout of another time.
-    #[error("is of version {0}, and this program reads version {PHOTON_FILE_VERSION}; make it again with `cardioid photons`")]
+    #[error(
+        "is of version {0}, and this program reads version {PHOTON_FILE_VERSION}; make it again with `cardioid photons`"
+    )]
     Version(u32),
     /// Less, or more, than was written.
-    #[error("has {found} bytes instead of {declared}: it is incomplete or was added to; copy it again, or make it again")]
+    #[error(
+        "has {found} bytes instead of {declared}: it is incomplete or was added to; copy it again, or make it again"
+    )]
     Length {
         /// Bytes that it says it has.
         declared: u64,
@@ -87,7 +91,9 @@ pub enum PhotonFileProblem {
         found: u64,
     },
     /// A checksum that does not fit.
-    #[error("is damaged: {0} is not as it was written; copy it again, or make it again with `cardioid photons`")]
+    #[error(
+        "is damaged: {0} is not as it was written; copy it again, or make it again with `cardioid photons`"
+    )]
     Damaged(&'static str),
     /// What is sound but makes no sense: the work of another program.
     #[error("{0}; make it again with `cardioid photons`")]

@@ -147,7 +147,10 @@ impl IrradianceMap {
         let (irradiance, reach) = self.values[index];
         let mut bytes = [0; IRRADIANCE_RECORD];
         let coordinates = self.tree.position(index).to_array();
-        coordinates.iter().enumerate().for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
+        coordinates
+            .iter()
+            .enumerate()
+            .for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
         bytes[12..16].copy_from_slice(&irradiance.0);
         bytes[16..20].copy_from_slice(&reach.to_le_bytes());
         bytes[20..].copy_from_slice(&self.tree.tag(index).to_le_bytes());

@@ -136,7 +136,10 @@ impl Photon {
     pub(super) fn to_bytes(self) -> [u8; 20] {
         let mut bytes = [0; 20];
         let coordinates = self.position.to_array();
-        coordinates.iter().enumerate().for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
+        coordinates
+            .iter()
+            .enumerate()
+            .for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
         bytes[12..16].copy_from_slice(&self.power.0);
         bytes[16..18].copy_from_slice(&self.wi.to_le_bytes());
         bytes[18..].copy_from_slice(&self.flags.to_le_bytes());

@@ -123,7 +123,14 @@ mod tests {
         assert!(estimate.check_against(Some(3_000_000_000), Some(1)).is_ok());
         assert!(estimate.check_against(None, None).is_ok());
         let message = estimate.check_against(Some(2_000_000_000), None).unwrap_err().to_string();
-        for part in ["20.0 million triangles", "2790 MB", "meshes 360 MB", "picture 900 MB", "--memory-limit", "2000 MB"] {
+        for part in [
+            "20.0 million triangles",
+            "2790 MB",
+            "meshes 360 MB",
+            "picture 900 MB",
+            "--memory-limit",
+            "2000 MB",
+        ] {
             assert!(message.contains(part), "no `{part}` in {message}");
         }
         let message = estimate.check_against(None, Some(2_000_000_000)).unwrap_err().to_string();

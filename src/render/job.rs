@@ -239,7 +239,8 @@ fn statistics(scene: &Scene, settings: &Settings, plan: RenderPlan, pass_one: Pa
 fn scene_memory(scene: &Scene) -> MemoryStatistics {
     let bytes = |geometry: &Geometry| match geometry {
         Geometry::Mesh(mesh) => {
-            mesh.buffers.memory_bytes() + mesh.normals.as_ref().map_or(0, |normals| size_of_val(normals.as_slice()))
+            mesh.buffers.memory_bytes()
+                + mesh.normals.as_ref().map_or(0, |normals| size_of_val(normals.as_slice()))
         }
         Geometry::Procedural(_) => 0,
     };

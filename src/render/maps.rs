@@ -202,7 +202,8 @@ impl MapBuilder<'_> {
             let end = limit.map(|limit| start + limit.mul_f64(share));
             let map = self.build(MapKind::Global, counts, end)?;
             let precomputed = self.saved.as_mut().and_then(|saved| saved.take_irradiance(self.settings));
-            let is_wanted = plan.final_gather.build && self.settings.precomputed_irradiance && !map.is_empty();
+            let is_wanted =
+                plan.final_gather.build && self.settings.precomputed_irradiance && !map.is_empty();
             if let (true, Some(precomputed)) = (is_wanted, precomputed) {
                 self.pass.file.iter_mut().for_each(|file| file.irradiance = true);
                 self.pass.maps.irradiance = Some(precomputed);

@@ -17,4 +17,7 @@ pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};
 pub use settings::*;
-pub use stats::{CacheStatistics, MapStatistics, MemoryStatistics, PhotonMapFile, PhotonStatistics, Resident, ShadowStatistics, Statistics, Times};
+pub use stats::{
+    CacheStatistics, MapStatistics, MemoryStatistics, PhotonMapFile, PhotonStatistics, Resident,
+    ShadowStatistics, Statistics, Times,
+};

@@ -63,13 +63,7 @@ impl PhotonSettings {
             accurate_distance: _,
             approximate_weight: _,
         } = *settings;
-        Self {
-            seed,
-            max_depth,
-            aim_photons,
-            global_photons: counts.global,
-            caustic_photons: counts.caustic,
-        }
+        Self { seed, max_depth, aim_photons, global_photons: counts.global, caustic_photons: counts.caustic }
     }
 }
 
@@ -145,8 +139,10 @@ impl SavedMaps {
     pub fn read(path: &Path) -> Result<Self, SavedMapsError> {
         let start = Instant::now();
         let file = read_photon_file(path)?;
-        let description = serde_json::from_str(&file.text)
-            .map_err(|error| SavedMapsError::Description { file: path.to_owned(), reason: error.to_string() })?;
+        let description = serde_json::from_str(&file.text).map_err(|error| SavedMapsError::Description {
+            file: path.to_owned(),
+            reason: error.to_string(),
+        })?;
         Ok(Self { path: path.to_owned(), description, file, seconds: start.elapsed().as_secs_f64() })
     }
 
@@ -155,7 +151,12 @@ impl SavedMaps {
     ///
     /// # Errors
     /// All that differs, each with a remedy.
-    pub fn check(&self, scene_hash: &str, settings: &Settings, plan: &RenderPlan) -> Result<(), SavedMapsError> {
+    pub fn check(
+        &self,
+        scene_hash: &str,
+        settings: &Settings,
+        plan: &RenderPlan,
+    ) -> Result<(), SavedMapsError> {
         if !(plan.global_map.build || plan.caustic_map.build) {
             return Err(SavedMapsError::Unused { file: self.path.clone() });
         }
@@ -195,10 +196,14 @@ impl SavedMaps {
         }
         settings.retain(|(_, saved, asked)| saved != asked);
         if !settings.is_empty() {
-            let list = |of: fn(&(&str, String, String)) -> String| settings.iter().map(of).collect::<Vec<_>>().join(" ");
+            let list = |of: fn(&(&str, String, String)) -> String| {
+                settings.iter().map(of).collect::<Vec<_>>().join(" ")
+            };
             let there = list(|(option, saved, _)| format!("{option} {saved}"));
             let here = list(|(option, _, asked)| format!("{option} {asked}"));
-            differences.push(format!("its photons are those of {there}, and this render asks for {here}; add {there}"));
+            differences.push(format!(
+                "its photons are those of {there}, and this render asks for {here}; add {there}"
+            ));
         }
         match differences.is_empty() {
             true => Ok(()),

@@ -85,7 +85,8 @@ fn values<T: fmt::Debug>(out: &mut impl Write, what: &str, things: &[Named<T>]) 
 
 /// A shape without the place of its mesh file, whose content is hashed by [`hash_files`].
 fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
-    let ShapeDescription { geometry, transform, flip_normal, material, caustic_photons, emission, group } = shape;
+    let ShapeDescription { geometry, transform, flip_normal, material, caustic_photons, emission, group } =
+        shape;
     match geometry {
         GeometryDescription::MeshFile { path: _, normals, own_materials, fit } => {
             write!(out, "file {normals:?} {own_materials} {fit:?}")?;

@@ -172,8 +172,7 @@ impl TriangleMesh {
                 Bounds3 { min: low.as_dvec3(), max: high.as_dvec3() }
             }
             Positions::Double(_) => {
-                let of_triangle =
-                    |triangle: &[u32; 3]| Bounds3::of_points(self.positions.corners(*triangle));
+                let of_triangle = |triangle: &[u32; 3]| Bounds3::of_points(self.positions.corners(*triangle));
                 triangles().map(of_triangle).reduce(|| Bounds3::EMPTY, Bounds3::union)
             }
         }

@@ -66,7 +66,10 @@ pub struct MeshReading<'a> {
 
 impl std::fmt::Debug for MeshReading<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("MeshReading").field("normals", &self.normals).field("uvs", &self.uvs).finish_non_exhaustive()
+        f.debug_struct("MeshReading")
+            .field("normals", &self.normals)
+            .field("uvs", &self.uvs)
+            .finish_non_exhaustive()
     }
 }
 
@@ -87,9 +90,10 @@ impl MeshReading<'_> {
     pub(super) fn reached(&self, at: usize, bytes: &[u8]) -> Result<(), Failure> {
         match (self.progress)(at as u64, bytes.len() as u64) {
             true => Ok(()),
-            false => {
-                Err((MeshPlace::File, "was not read to its end as reading was stopped; start again".to_owned()))
-            }
+            false => Err((
+                MeshPlace::File,
+                "was not read to its end as reading was stopped; start again".to_owned(),
+            )),
         }
     }
 }

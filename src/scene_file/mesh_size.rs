@@ -64,13 +64,18 @@ fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
         let mut head = Vec::new();
         File::open(path)?.take(HEAD).read_to_end(&mut head)?;
         if extension.eq_ignore_ascii_case("stl") {
-            let count = head.get(80..84).map_or(0, |count| {
-                u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]]))
-            });
+            let count = head
+                .get(80..84)
+                .map_or(0, |count| u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
             let is_binary = count.checked_mul(STL_RECORD) == length.checked_sub(84);
             let triangles = if is_binary { count } else { length / STL_TEXT };
             // The file, and a table of places.
-            MeshSize { vertices: triangles / 2, triangles, has_normals: false, reading: length + 16 * triangles }
+            MeshSize {
+                vertices: triangles / 2,
+                triangles,
+                has_normals: false,
+                reading: length + 16 * triangles,
+            }
         } else {
             declared_size(&head, length).unwrap_or_default()
         }
@@ -97,7 +102,10 @@ mod tests {
         let meshes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes");
         let size = mesh_size(&meshes.join("knot.ply"), MeshNormals::FromFile).unwrap();
         let (mesh, _) = super::super::read_mesh_file(&meshes.join("knot.ply")).unwrap();
-        assert_eq!((size.vertices, size.triangles), (mesh.positions.len() as u64, mesh.triangles.len() as u64));
+        assert_eq!(
+            (size.vertices, size.triangles),
+            (mesh.positions.len() as u64, mesh.triangles.len() as u64)
+        );
         assert_eq!(size.has_normals, mesh.normals.is_some());
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.stl");

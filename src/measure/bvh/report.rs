@@ -6,7 +6,8 @@ use std::fmt::Write;
 /// Colours that people with any kind of colour vision tell apart (Okabe & Ito 2008), and paler ones of Embree's without its
 /// robust flag.
 const COLOURS: [&str; 10] = [
-    "#0072B2", "#56B4E9", "#009E73", "#6AA5CC", "#A4D6F2", "#7FCDB5", "#CC79A7", "#E69F00", "#D55E00", "#999999",
+    "#0072B2", "#56B4E9", "#009E73", "#6AA5CC", "#A4D6F2", "#7FCDB5", "#CC79A7", "#E69F00", "#D55E00",
+    "#999999",
 ];
 
 impl BvhReport {

@@ -10,7 +10,8 @@ fn map(count: usize, seed: u64) -> PhotonMap {
     let photon = |_| {
         let position = rng.next_2d().extend(rng.next_f32());
         let (wi, normal) = (warp::square_to_sphere(rng.next_2d()), warp::square_to_sphere(rng.next_2d()));
-        let class = [PhotonClass::Direct, PhotonClass::Indirect, PhotonClass::Caustic][rng.next_u64() as usize % 3];
+        let class =
+            [PhotonClass::Direct, PhotonClass::Indirect, PhotonClass::Caustic][rng.next_u64() as usize % 3];
         Photon::new(position, Rgb::splat(rng.next_f32()), wi, normal, class, rng.next_f32())
     };
     PhotonMap::build((0..count).map(photon).collect(), 3 * count as u64)
@@ -106,7 +107,10 @@ fn messages_say_what_it_is_and_what_to_do() {
     let mut in_global = bytes.clone();
     in_global[text + SECTION_HEAD + 11 + SUM + SECTION_HEAD + MAP_HEAD + 3] ^= 1;
     for (bytes, parts) in [
-        (b"ply\nformat ascii 1.0\n".to_vec(), ["is not a file of photon maps", "`cardioid photons SCENE -o FILE`"]),
+        (
+            b"ply\nformat ascii 1.0\n".to_vec(),
+            ["is not a file of photon maps", "`cardioid photons SCENE -o FILE`"],
+        ),
         (vec![b'x'; 500], ["is not a file of photon maps", "make one"]),
         (bytes[..bytes.len() / 2].to_vec(), ["incomplete", "copy it again"]),
         (other, ["is of version 2", "reads version 1"]),
@@ -127,7 +131,9 @@ fn what_a_file_declares_takes_no_memory() {
     // A section of 16 GB, and more photons than bytes, with checksums that fit.
     let bytes = small();
     let global = HEAD + SUM + SECTION_HEAD + 11 + SUM;
-    for (at, value) in [(global + 8, 1u64 << 34), (global + SECTION_HEAD + 16, 1 << 40), (16, 1 << 34), (24, u64::MAX)] {
+    for (at, value) in
+        [(global + 8, 1u64 << 34), (global + SECTION_HEAD + 16, 1 << 40), (16, 1 << 34), (24, u64::MAX)]
+    {
         let mut bytes = bytes.clone();
         bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
         let sum = blake3::hash(&bytes[..HEAD]);

@@ -79,7 +79,8 @@ impl Source {
         let source = match description {
             GeometryDescription::MeshFile { path, normals, fit, .. } => {
                 // Surfaces have no use for texture coordinates.
-                let reading = MeshReading { normals: *normals == MeshNormals::FromFile, uvs: false, progress };
+                let reading =
+                    MeshReading { normals: *normals == MeshNormals::FromFile, uvs: false, progress };
                 let (mut mesh, found) = read_mesh_file_with(path, &reading)?;
                 report = found;
                 choose_normals(&mut mesh, *normals);

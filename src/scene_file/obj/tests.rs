@@ -3,7 +3,8 @@ use super::*;
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 fn parse(text: &str) -> Result<ObjFile, String> {
-    parse_obj(text.as_bytes(), &MeshReading::ALL).map_err(|(place, problem)| format!("x.obj{place}: {problem}"))
+    parse_obj(text.as_bytes(), &MeshReading::ALL)
+        .map_err(|(place, problem)| format!("x.obj{place}: {problem}"))
 }
 
 #[test]

@@ -135,7 +135,8 @@ fn read_vertices(
         Positions::Double(records.turn([0.0; 3], 1, turn)?)
     } else if let Some(at) = layout.three_floats(columns.position) {
         let turn = |record: &[u8], out: &mut [[f32; 3]]| {
-            let float = |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
+            let float =
+                |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
             out[0] = [float(at), float(at + 4), float(at + 8)];
             true
         };

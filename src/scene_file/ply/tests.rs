@@ -507,7 +507,13 @@ fn what_is_read_piece_by_piece_is_what_is_read_as_a_whole() {
     let quads: Vec<usize> = vec![4; 30_000];
     let mut streamed = 0;
     for format in FORMATS {
-        for bytes in [plain(format), rich(format), polygons(format, &many), polygons(format, &quads), polygons(format, &[3, 5, 2])] {
+        for bytes in [
+            plain(format),
+            rich(format),
+            polygons(format, &many),
+            polygons(format, &quads),
+            polygons(format, &[3, 5, 2]),
+        ] {
             for bytes in [bytes.clone(), [&bytes[..], b"more"].concat(), bytes[..bytes.len() - 3].to_vec()] {
                 std::fs::write(&path, &bytes).unwrap();
                 let file = std::fs::File::open(&path).unwrap();
