@@ -95,19 +95,21 @@ impl Statistics {
     fn write_rays(&self, out: &mut String) -> fmt::Result {
         let filling = self.cache.map(|cache| cache.counters).unwrap_or_default();
         writeln!(out, "\n{:28} {:>16} {:>16}", "rays", "pixels", "filling a cache")?;
-        let kinds: [(&str, fn(&Counters) -> u64); 8] = [
-            ("camera", |c| c.camera_rays),
-            ("specular", |c| c.specular_rays),
-            ("glossy", |c| c.glossy_rays),
-            ("shadow", |c| c.shadow_rays),
-            ("gather", |c| c.gather_rays),
-            ("gathering goes on", |c| c.approximate_rays),
-            ("paths", |c| c.path_rays),
-            ("feelers", |c| c.feelers),
-        ];
-        let all: u64 = kinds.iter().map(|(_, of)| of(&self.counters) + of(&filling)).sum();
-        for (name, of) in kinds {
-            let (pixels, cache) = (of(&self.counters), of(&filling));
+        let kinds = |c: &Counters| {
+            [
+                ("camera", c.camera_rays),
+                ("specular", c.specular_rays),
+                ("glossy", c.glossy_rays),
+                ("shadow", c.shadow_rays),
+                ("gather", c.gather_rays),
+                ("gathering goes on", c.approximate_rays),
+                ("paths", c.path_rays),
+                ("feelers", c.feelers),
+            ]
+        };
+        let mut all = 0;
+        for ((name, pixels), (_, cache)) in kinds(&self.counters).into_iter().zip(kinds(&filling)) {
+            all += pixels + cache;
             if pixels + cache > 0 {
                 writeln!(out, "{name:28} {pixels:>16} {cache:>16}")?;
             }

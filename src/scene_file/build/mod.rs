@@ -26,7 +26,7 @@ use crate::scene::{
 };
 use crate::shapes::{EmitterShape, ShapeError};
 use glam::{DAffine3, DVec3};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A scene and a camera, and what was odd on the way.
@@ -176,7 +176,7 @@ pub fn build_scene_watched(
     (width, height): (u32, u32),
     observer: &dyn Observer,
 ) -> Result<BuiltScene, BuildError> {
-    let taken_apart = own_materials::take_apart(description)?;
+    let taken_apart = own_materials::take_apart(description, observer)?;
     let description = taken_apart.as_ref().unwrap_or(description);
     let mut builder = Builder::read(description, observer)?;
     let placed = builder.placed_bounds();
@@ -212,6 +212,12 @@ pub fn build_scene_watched(
         light_notes,
     });
     Ok(BuiltScene { scene, camera, warnings: builder.warnings })
+}
+
+/// Tells that a mesh file is read.
+fn begin_reading(observer: &dyn Observer, path: &Path) {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    observer.begin(&format!("reading {name}"), std::fs::metadata(path).map_or(1, |file| file.len()));
 }
 
 fn whole(description: &SceneDescription, problem: BuildProblem) -> BuildError {
@@ -257,9 +263,7 @@ impl<'a> Builder<'a> {
         for shape in &description.shapes {
             let error = |problem| error_of(shape, problem);
             if let GeometryDescription::MeshFile { path, .. } = &shape.value.geometry {
-                let name = path.file_name().unwrap_or_default().to_string_lossy();
-                observer
-                    .begin(&format!("reading {name}"), std::fs::metadata(path).map_or(1, |file| file.len()));
+                begin_reading(observer, path);
             }
             let progress = |done, _| {
                 observer.advance(done);

@@ -1,20 +1,25 @@
 //! Meshes that bring their materials: each material's faces become a shape of their own.
 
-use super::{BuildError, error_of};
+use super::{BuildError, begin_reading, error_of};
 use crate::bsdf::{Bsdf, Form, Ward};
+use crate::render::Observer;
+use crate::scene_file::MeshReading;
 use crate::scene_file::description::{
     GeometryDescription, MaterialDescription, MediumDescription, Named, SceneDescription, SceneWarning,
     ShapeDescription,
 };
 use crate::scene_file::mesh::TriangleMesh;
-use crate::scene_file::obj::{MtlFinish, MtlMaterial, ObjFile, read_mtl, read_obj};
+use crate::scene_file::obj::{MtlFinish, MtlMaterial, ObjFile, read_mtl, read_obj_with};
 use glam::{DAffine3, DVec3};
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
 /// The description with such meshes taken apart; `None` where there are none.
-pub(super) fn take_apart(description: &SceneDescription) -> Result<Option<SceneDescription>, BuildError> {
+pub(super) fn take_apart(
+    description: &SceneDescription,
+    observer: &dyn Observer,
+) -> Result<Option<SceneDescription>, BuildError> {
     let has_own = |shape: &Named<ShapeDescription>| {
         matches!(&shape.value.geometry, GeometryDescription::MeshFile { path, own_materials: true, .. }
             if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")))
@@ -27,7 +32,13 @@ pub(super) fn take_apart(description: &SceneDescription) -> Result<Option<SceneD
         match &shape.value.geometry {
             GeometryDescription::MeshFile { path, normals, fit, .. } if has_own(shape) => {
                 let error = |problem| error_of(shape, problem);
-                let obj = read_obj(path).map_err(|problem| error(problem.into()))?;
+                begin_reading(observer, path);
+                let progress = |done, _| {
+                    observer.advance(done);
+                    !observer.is_cancelled()
+                };
+                let reading = MeshReading { progress: &progress, ..MeshReading::ALL };
+                let obj = read_obj_with(path, &reading).map_err(|problem| error(problem.into()))?;
                 let mut warn = |message: String| {
                     let message = format!("{}: {message}", shape.name);
                     taken.warnings.push(SceneWarning { location: shape.location.clone(), message });

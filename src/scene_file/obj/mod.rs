@@ -127,6 +127,9 @@ struct Reader {
     coordinates: usize,
     /// Vertices of the mesh: a position, and a normal or `u32::MAX`.
     vertices: Vec<(u32, u32)>,
+    /// Vertex of each position whose corner names no normal, or `u32::MAX`: most files need no other table.
+    plain: Vec<u32>,
+    /// Vertex of each position and normal that are named together.
     numbers: HashMap<(u32, u32), u32>,
     parts: Vec<ObjPart>,
     part_numbers: HashMap<String, usize>,
@@ -241,11 +244,17 @@ impl Reader {
             None => u32::MAX,
         };
         let next = self.vertices.len() as u32;
-        let vertices = &mut self.vertices;
-        let number = *self.numbers.entry((position, normal)).or_insert_with(|| {
-            vertices.push((position, normal));
-            next
-        });
+        let known = if normal == u32::MAX {
+            self.plain.resize(self.positions.len(), u32::MAX);
+            &mut self.plain[position as usize]
+        } else {
+            self.numbers.entry((position, normal)).or_insert(u32::MAX)
+        };
+        if *known == u32::MAX {
+            self.vertices.push((position, normal));
+            *known = next;
+        }
+        let number = *known;
         if number == u32::MAX {
             return Err((
                 MeshPlace::Line(line),
@@ -256,8 +265,9 @@ impl Reader {
     }
 
     fn finish(self) -> ObjFile {
-        let Self { positions, normals, vertices, mut parts, libraries, mut report, numbers, .. } = self;
-        drop(numbers);
+        let Self { positions, normals, vertices, mut parts, libraries, mut report, numbers, plain, .. } =
+            self;
+        drop((numbers, plain));
         let has_normals = vertices.iter().any(|&(_, normal)| normal != u32::MAX);
         let normals = has_normals.then(|| {
             let of = |&(_, normal): &(u32, u32)| normals.get(normal as usize).copied().unwrap_or(Vec3::ZERO);
