@@ -327,10 +327,21 @@ fn split(lights: &[LightBounds], numbers: &mut [u32], depth: u32) -> usize {
                 bounds.power * bounds.orientation() * (d.x * d.y + d.y * d.z + d.z * d.x)
             })
         };
-        for plane in 1..BUCKETS {
-            let first = cost(buckets[..plane].iter().fold(None, join));
-            let second = cost(buckets[plane..].iter().fold(None, join));
-            let (Some(first), Some(second)) = (first, second) else { continue };
+        // What lies beyond each plane, then what lies before it.
+        let mut beyond: [Option<LightBounds>; BUCKETS] = [None; BUCKETS];
+        let mut all = None;
+        for plane in (1..BUCKETS).rev() {
+            all = join(all, &buckets[plane]);
+            beyond[plane] = all;
+        }
+        let mut before = None;
+        for (plane, &after) in beyond.iter().enumerate().skip(1) {
+            // A plane behind an empty interval divides as the one before it does.
+            if buckets[plane - 1].is_none() {
+                continue;
+            }
+            before = join(before, &buckets[plane - 1]);
+            let (Some(first), Some(second)) = (cost(before), cost(after)) else { continue };
             // Long boxes are to be cut across.
             let cost = (first + second) * longest / extent[axis];
             if best.is_none_or(|(least, ..)| cost < least) {

@@ -77,7 +77,7 @@ fn assert_irradiance(what: &str, lights: &str, want: [f64; 3], tolerance: f64) {
 #[test]
 fn irradiance_of_lobes() {
     let colour = [3.0, 2.0, 1.0];
-    for n in [1i32, 8, 64] {
+    for n in [1i32, 8, 24] {
         let (_folder, path) = picture(256, |d| colour.map(|c: f32| c * d.y.max(0.0).powi(n)));
         let want = colour.map(|c| f64::from(c) * 2.0 * PI / f64::from(n + 2));
         assert_irradiance(&format!("cos^{n}"), &environment(&path, ""), want, 0.004);
@@ -205,7 +205,7 @@ fn photons_of_a_map_land() {
     let text = format!(
         "[camera]\neye = [0, 0, 5]\nat = [0, 0, 0]\n[materials.black]\ntype = \"lambert\"\nreflectance = 1e-6\n\
          [[shapes]]\ntype = \"sphere\"\nradius = 0.5\nmaterial = \"black\"\n\
-         [[shapes]]\ntype = \"sphere\"\ncenter = [40.0, 30.0, 20.0]\nradius = 0.01\nmaterial = \"black\"\n{}",
+         [[shapes]]\ntype = \"sphere\"\ncenter = [4.0, 3.0, 2.0]\nradius = 0.01\nmaterial = \"black\"\n{}",
         environment(&path, "")
     );
     let stage = Stage::new(&text, (8, 8));
@@ -257,7 +257,7 @@ fn photon_map_and_paths_agree_under_a_map() {
         environment(&path_of_map, "")
     );
     let stage = Stage::new(&text, (32, 32));
-    let by_paths = stage.shoot(&Overrides { spp: Some(2048), ..path() });
+    let by_paths = stage.shoot(&Overrides { spp: Some(768), ..path() });
     let by_photons = stage.shoot(&Overrides {
         spp: Some(64),
         global_photons: Some(100_000),
@@ -354,7 +354,7 @@ fn aimed_caustics_of_small_lights() {
             (8, 8),
         );
         let stored = |aimed: bool, count: u64| {
-            let runs: Vec<f64> = (0..8)
+            let runs: Vec<f64> = (0..4)
                 .map(|seed| {
                     let settings =
                         TraceSettings { kind: MapKind::Caustic, stored: count, seed, max_depth: 100, aimed };
@@ -363,11 +363,11 @@ fn aimed_caustics_of_small_lights() {
                     stage.watts(sum / traced.emitted as f64)
                 })
                 .collect();
-            let mean = runs.iter().sum::<f64>() / 8.0;
-            let variance = runs.iter().map(|run| (run - mean).powi(2)).sum::<f64>() / 7.0;
-            (mean, (variance / 8.0).sqrt())
+            let mean = runs.iter().sum::<f64>() / 4.0;
+            let variance = runs.iter().map(|run| (run - mean).powi(2)).sum::<f64>() / 3.0;
+            (mean, (variance / 4.0).sqrt())
         };
-        let (aimed, everywhere) = (stored(true, 10_000), stored(false, 5_000));
+        let (aimed, everywhere) = (stored(true, 4_000), stored(false, 1_500));
         let noise = aimed.1.hypot(everywhere.1);
         println!("{what}: {aimed:?} aimed, {everywhere:?} everywhere");
         assert!((aimed.0 - everywhere.0).abs() < 4.0 * noise + 1e-4 * aimed.0, "{what}: {aimed:?} {everywhere:?}");
@@ -382,7 +382,7 @@ fn a_lens_blurs_by_the_closed_form() {
     let camera = |lens: &str| {
         format!(
             "[camera]\neye = [0, 0, 4]\nat = [0, 0, 0]\nfov = 20.0\n{lens}\n[materials.black]\ntype = \"lambert\"\n\
-             reflectance = 0.0\n[[shapes]]\ntype = \"sphere\"\nradius = 0.004\nmaterial = \"black\"\n\
+             reflectance = 0.0\n[[shapes]]\ntype = \"sphere\"\nradius = 0.03\nmaterial = \"black\"\n\
              emission = {{ radiance = 100.0 }}\n"
         )
     };
@@ -488,7 +488,7 @@ fn what_is_wrong_with_lights_is_said() {
         assert!(error.contains(what), "{lights}{error}");
     }
     // Some odd pixels are mended, counted and told.
-    let (_odd_folder, odd) = picture(8, |d| if d.x > 0.9 { [f32::NAN, 1.0, -1.0] } else { [1.0; 3] });
+    let (_odd_folder, odd) = picture(8, |d| if d.x > 0.7 { [f32::NAN, 1.0, -1.0] } else { [1.0; 3] });
     let stage = floor(&environment(&odd, ""));
     let warning = stage.built.warnings.iter().map(ToString::to_string).collect::<String>();
     assert!(warning.contains("pixels are negative or no numbers"), "{warning}");

@@ -23,7 +23,10 @@ fn hall(shining: std::ops::Range<usize>) -> Stage {
     for i in 0..COUNT {
         let mut number = |low: f32, high: f32| low + (high - low) * rng.next_f32();
         let at = [number(-4.0, 4.0), number(0.3, 2.5), number(-4.0, 4.0)];
-        let bright = if shining.contains(&i) { 0.2 + 30.0 * number(0.0, 1.0).powi(6) } else { 0.0 };
+        // The same numbers whichever shine.
+        let shine = 0.2 + 30.0 * number(0.0, 1.0).powi(6);
+        let [u, v] = [number(-1.0, 1.0), number(-1.0, 1.0)];
+        let bright = if shining.contains(&i) { shine } else { 0.0 };
         let [x, y, z] = at;
         let surface = format!("material = \"black\"\nemission = {{ radiance = {bright:?} }}\n");
         let surface = if bright > 0.0 { surface } else { "material = \"black\"\n".to_owned() };
@@ -33,7 +36,7 @@ fn hall(shining: std::ops::Range<usize>) -> Stage {
                 text,
                 "[[shapes]]\ntype = \"quad\"\ncorner = {at:?}\nedge-u = [{:?}, 0.02, 0]\nedge-v = [0, {:?}, 0.3]\n{surface}",
                 0.1 + 0.01 * i as f32,
-                number(-0.3, 0.3),
+                0.3 * u,
             ),
             2 if bright > 0.0 => {
                 write!(text, "[[lights]]\ntype = \"point\"\nposition = [{x}, {y}, {z}]\nintensity = {:?}\n", 0.05 * bright)
@@ -41,8 +44,8 @@ fn hall(shining: std::ops::Range<usize>) -> Stage {
             3 if bright > 0.0 => write!(
                 text,
                 "[[lights]]\ntype = \"spot\"\nposition = [{x}, {y}, {z}]\ndirection = [{:?}, -1, {:?}]\nintensity = {:?}\n",
-                number(-1.0, 1.0),
-                number(-1.0, 1.0),
+                u,
+                v,
                 0.2 * bright
             ),
             _ => Ok(()),
@@ -85,8 +88,12 @@ fn the_tree_agrees_with_the_plain_loop() {
         variance.sqrt()
     );
     // Photon mode weighs by the same densities.
-    let by_photons =
-        mean(&all, 4, "direct", &Overrides { spp: Some(32), gather_samples: Some(4), ..photon_map() });
+    let by_photons = mean(
+        &all,
+        4,
+        "direct",
+        &Overrides { spp: Some(32), gather_samples: Some(4), global_photons: Some(10_000), ..photon_map() },
+    );
     let noise = by_photons.1.hypot(tree.1);
     assert!((by_photons.0 - tree.0).abs() < 4.0 * noise.max(2e-3 * sum), "{by_photons:?} {tree:?}");
 }
@@ -124,8 +131,9 @@ fn one_light_stands_for_all() {
         let error = ((squares / n - (sum / n).powi(2)) / n).sqrt();
         println!("{} +- {error} drawn, {plain} in all", sum / n);
         assert!((sum / n - plain).abs() < 4.0 * error + 0.003 * plain, "{} +- {error} {plain}", sum / n);
-        // Far less noise than by power alone: a bound that drawing by flux fails by far.
-        assert!(error * n.sqrt() < 2.5 * plain, "{error} {plain}");
+        // Little noise below the lights; above most of them, few of those that are drawn send anything.
+        let most = if position.y < 0.0 { 1.5 } else { 10.0 };
+        assert!(error * n.sqrt() < most * plain, "{error} {plain}");
     }
 }
 
