@@ -6,7 +6,7 @@ use cardioid::film::PixelRect;
 use cardioid::scene::{Geometry, Scene};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
-    build_scene, content_hash, is_mesh_file, load_scene, mesh_scene,
+    build_scene, content_hash, gltf_scene, is_gltf_file, is_mesh_file, load_scene, mesh_scene,
 };
 use clap::Args;
 use glam::Vec3;
@@ -16,7 +16,7 @@ use std::sync::Arc;
 /// Which scene, and what of it.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
+    /// Scene file (TOML), a glTF file (.gltf, .glb), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
     #[arg(value_name = "SCENE")]
     pub(crate) scene: PathBuf,
 
@@ -93,6 +93,10 @@ pub(crate) fn load(args: &SceneArgs, when_built: &dyn Fn()) -> Result<Loaded> {
             let up = up.map(|up| ("up".to_owned(), up.to_owned()));
             let parameters: Vec<_> = args.set.iter().cloned().chain(up).collect();
             mesh_scene(&args.scene, &parameters)
+        }
+        (false, None) if is_gltf_file(&args.scene) => {
+            let scene = gltf_scene(&args.scene, &args.set);
+            Ok(scene?)
         }
         (false, None) => load_scene(&args.scene, &args.set),
         (false, Some(_)) => bail!("--up is for a mesh alone; a scene file says it by `fit` (`up = \"z\"`)"),

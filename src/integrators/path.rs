@@ -86,7 +86,7 @@ impl<'a> PathTracer<'a> {
         let weight = self
             .direct
             .weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
-        area.emitted(hit.is_front()) * weight
+        area.emitted(hit.is_front()) * hit.glow * weight
     }
 
     fn environment(&self, drawn: Option<Drawn>) -> Rgb {

@@ -1,6 +1,7 @@
 //! The scene as the integrators see it: immutable, in render space, shared by all threads.
 
 mod crossings;
+mod layered;
 mod material;
 mod plan;
 mod render_space;
@@ -9,6 +10,7 @@ mod texture;
 mod world;
 
 pub use crossings::Crossings;
+pub use layered::{AlphaCutout, Coverage, LayeredMaterial, Painted, glow_of};
 pub use material::{Material, Tangent};
 pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowMode};
 pub use render_space::RenderSpace;

@@ -1,4 +1,5 @@
 use super::description::{GeometryDescription, SceneDescription};
+use super::gltf::{further_files, is_gltf_file};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::obj::material_files;
 use std::fs::File;
@@ -21,12 +22,24 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
         hasher.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes());
         hasher.update(&(value.len() as u64).to_le_bytes()).update(value.as_bytes());
     }
+    for path in &scene.further_files {
+        let file = File::open(path)?;
+        hasher.update(&file.metadata()?.len().to_le_bytes());
+        hasher.update_reader(file)?;
+    }
     for shape in &scene.shapes {
         if let GeometryDescription::MeshFile { path, own_materials, .. } = &shape.value.geometry {
             let file = File::open(path)?;
             hasher.update(&file.metadata()?.len().to_le_bytes());
             hasher.update_reader(file)?;
-            let libraries = if *own_materials { material_files(path)? } else { Vec::new() };
+            if is_gltf_file(path) {
+                for other in further_files(path) {
+                    let file = File::open(other)?;
+                    hasher.update(&file.metadata()?.len().to_le_bytes());
+                    hasher.update_reader(file)?;
+                }
+            }
+            let libraries = if *own_materials && !is_gltf_file(path) { material_files(path)? } else { Vec::new() };
             for library in libraries {
                 // Where there is none, the picture has none of its materials either, and a warning.
                 match File::open(library) {

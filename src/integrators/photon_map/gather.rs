@@ -290,7 +290,7 @@ impl PhotonMapIntegrator<'_> {
         let from = vertex.hit.point.position;
         let other = area.pdf_solid_angle(from, hit.primitive, hit.point.position)
             * self.direct.choice_probability(id);
-        area.emitted(hit.is_front()) * power_heuristic(pdf, other)
+        area.emitted(hit.is_front()) * hit.glow * power_heuristic(pdf, other)
     }
 
     fn environment_by_bsdf(&self, pdf: f32) -> Rgb {

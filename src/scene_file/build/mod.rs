@@ -1,13 +1,16 @@
 //! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
 
+mod gltf_shapes;
 mod own_materials;
 mod place;
+mod textured;
 
 use self::place::{Placed, Source};
 use super::description::{
     CameraDescription, EmissionDescription, GeometryDescription, LightDescription, Location,
     MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
+use super::gltf::GltfError;
 use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
 use crate::camera::Camera;
@@ -53,6 +56,9 @@ pub enum BuildProblem {
     /// Its mesh file.
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
+    /// Its glTF file.
+    #[error(transparent)]
+    Gltf(#[from] GltfError),
     /// Its mesh cannot be fitted.
     #[error(
         "{}: no triangles with an extent that `fit` could scale: the mesh is empty, damaged, or of points and lines alone; \
@@ -157,6 +163,7 @@ pub fn build_scene(
         bounds: (space.position(bounds.center()).as_vec3(), radius),
         targets: assembly.targets,
         light_notes,
+        pixel: builder.pixel,
     });
     Ok(BuiltScene { scene, camera, warnings: builder.warnings })
 }
@@ -173,6 +180,8 @@ struct Builder<'a> {
     /// By material.
     specularities: Vec<f32>,
     warnings: Vec<SceneWarning>,
+    /// Width of a pixel at distance 1.
+    pixel: f32,
 }
 
 /// A light on a surface, its radiance not yet scaled.
@@ -219,7 +228,7 @@ impl<'a> Builder<'a> {
         }
         let specularities =
             materials(description).iter().map(|(_, material)| material.specularity()).collect();
-        Ok(Self { description, sources, specularities, warnings })
+        Ok(Self { description, sources, specularities, warnings, pixel: 0.0 })
     }
 
     /// Each placement of each shape: its index, and from its own space to the world. Shapes of groups come once for
@@ -309,6 +318,7 @@ impl<'a> Builder<'a> {
             });
         }
         let fov = description.vertical_fov(width, height);
+        self.pixel = (2.0 * (0.5 * fov).to_radians().tan() / f64::from(height)) as f32;
         Camera::look_at(eye, at, description.up, fov, aspect).ok_or_else(error)
     }
 
@@ -339,7 +349,7 @@ impl<'a> Builder<'a> {
                 self.add_distorted(index, &total, device, &mut top, &mut assembly)?;
                 continue;
             }
-            let placed = source.place(&total, emits).map_err(|problem| error_of(shape, problem))?;
+            let placed = self.place(index, &total, emits)?;
             self.add_surface(index, placed, &mut top, &mut assembly)?;
         }
         self.add_groups(&instanced, &to_render, device, &mut top, &mut assembly)?;
@@ -354,7 +364,7 @@ impl<'a> Builder<'a> {
         assembly: &mut Assembly,
     ) -> Result<(), BuildError> {
         let shape = &self.description.shapes[index];
-        add_geometry(builder, &placed.geometry).map_err(|problem| error_of(shape, problem.into()))?;
+        self.add_geometry(index, builder, &placed.geometry)?;
         let flip = shape.value.flip_normal != placed.flip;
         let surface = assembly.surfaces.len();
         if placed.lost > 0 {
@@ -443,11 +453,8 @@ impl<'a> Builder<'a> {
             let first = assembly.surfaces.len() as u32;
             for &index in &members {
                 let shape = &self.description.shapes[index];
-                let (source, transform) = &self.sources[index];
-                let placed =
-                    source.place(&(local * *transform), false).map_err(|problem| error_of(shape, problem))?;
-                add_geometry(&mut builder, &placed.geometry)
-                    .map_err(|problem| error_of(shape, problem.into()))?;
+                let placed = self.place(index, &(local * self.sources[index].1), false)?;
+                self.add_geometry(index, &mut builder, &placed.geometry)?;
                 let flip = shape.value.flip_normal != placed.flip;
                 assembly.surfaces.push(self.surface(index, placed.geometry, flip));
             }
@@ -545,7 +552,12 @@ impl Assembly {
                 name: self.surfaces[emitter.surface].name.clone(),
                 photons: emitter.emission.photons as f32,
             };
-            AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip)
+            let light =
+                AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip);
+            light
+                .and_then(|light| {
+                    textured::with_glow(light, description, emitter.shape, &self.surfaces[emitter.surface])
+                })
                 .map(|light| (Light::Area(light), note))
                 .ok_or_else(|| error_of(&description.shapes[emitter.shape], BuildProblem::EmitterArea))
         });
@@ -602,6 +614,10 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
                 None => Material::Dielectric { inside, outside, interface: smooth },
             }
         }
+        MaterialDescription::Layered { ref material, media } => Material::Layered {
+            bsdf: material.representative(),
+            media: media.map(|media| media.map(|medium| medium as u32)),
+        },
         MaterialDescription::Glossy { bsdf, two_sided, tangent } => {
             Material::Glossy { bsdf, two_sided, tangent }
         }
@@ -611,12 +627,14 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
 /// Textures of each material; none at all where no material has one.
 fn textures(description: &SceneDescription) -> Vec<MaterialTexture> {
     let texture = |index: usize| description.textures[index].value;
-    let textures: Vec<_> = description
-        .looks
-        .iter()
-        .map(|look| MaterialTexture {
+    let look_of = |index: usize| description.looks.get(index).copied().unwrap_or_default();
+    let looks =
+        description.materials.iter().enumerate().map(|(index, material)| (look_of(index), &material.value));
+    let textures: Vec<_> = looks
+        .map(|(look, material)| MaterialTexture {
             colour: look.colour.map(texture),
             bump: look.bump.map(|(index, height)| Bump { texture: texture(index), height }),
+            layers: textured::layers_of(material),
         })
         .collect();
     if textures.iter().all(MaterialTexture::is_plain) { Vec::new() } else { textures }

@@ -1,6 +1,6 @@
 //! Meshes that bring their materials: each material's faces become a shape of their own.
 
-use super::{BuildError, error_of};
+use super::{BuildError, error_of, gltf_shapes};
 use crate::bsdf::{Bsdf, Form, Ward};
 use crate::scene_file::description::{
     GeometryDescription, MaterialDescription, MediumDescription, Named, SceneDescription, SceneWarning,
@@ -19,7 +19,7 @@ pub(super) fn take_apart(description: &SceneDescription) -> Result<Option<SceneD
         matches!(&shape.value.geometry, GeometryDescription::MeshFile { path, own_materials: true, .. }
             if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")))
     };
-    if !description.shapes.iter().any(has_own) {
+    if !description.shapes.iter().any(|shape| has_own(shape) || gltf_shapes::is_gltf(shape)) {
         return Ok(None);
     }
     let mut taken = SceneDescription { shapes: Vec::new(), ..description.clone() };
@@ -50,6 +50,7 @@ pub(super) fn take_apart(description: &SceneDescription) -> Result<Option<SceneD
                     push_part(&mut taken, shape, material, mesh, before, *normals, &numbers);
                 }
             }
+            _ if gltf_shapes::is_gltf(shape) => gltf_shapes::add(&mut taken, shape)?,
             _ => taken.shapes.push(shape.clone()),
         }
     }

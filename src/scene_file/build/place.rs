@@ -90,6 +90,7 @@ impl Source {
                 before = *fitted;
                 Self::Mesh(mesh)
             }
+            GeometryDescription::Gltf { mesh, .. } => Self::Mesh(TriangleMesh::clone(mesh)),
             GeometryDescription::Mesh { positions, triangles, normals } => {
                 let positions = Positions::Double(positions.iter().map(DVec3::to_array).collect());
                 let mut mesh =
@@ -315,7 +316,7 @@ fn place_mesh(mesh: &TriangleMesh, transform: &DAffine3, emits: bool) -> Result<
     let normals = mesh.normals.as_ref().map(|normals| Arc::new(normals.par_iter().map(turn).collect()));
     let buffers = TriangleBuffers::new(positions, triangles)?;
     Ok(Placed {
-        geometry: Geometry::Mesh(Mesh { buffers, normals }),
+        geometry: Geometry::Mesh(Mesh { buffers, normals, data: None }),
         bounds,
         sphere: (center, radius),
         flip: false,
@@ -340,7 +341,7 @@ fn place_quad(
     let emitter =
         if emits { vec![EmitterShape::Quad(Quad::new(corner, edge_u, edge_v)?)] } else { Vec::new() };
     Ok(Placed {
-        geometry: Geometry::Mesh(Mesh { buffers, normals: None }),
+        geometry: Geometry::Mesh(Mesh { buffers, normals: None, data: None }),
         bounds,
         sphere: (bounds.center(), bounds.radius()),
         flip: false,
