@@ -181,7 +181,11 @@ impl Layered {
             f90: specular * schlick + metallic,
             over_base: [least.min(1.0), specular.max(least.min(1.0))],
             exact,
-            facets: facets_of(p.roughness),
+            // Facets between equal indices neither reflect nor bend.
+            facets: match &p.body {
+                Body::Interface(interface) if interface.is_matched() => facets_of([0.0; 2]),
+                _ => facets_of(p.roughness),
+            },
             coat: share(p.coat),
             coat_facets: facets_of([p.coat_roughness; 2]),
             coat_normal: p.coat_normal,

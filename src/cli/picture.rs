@@ -96,7 +96,11 @@ pub(crate) fn load(args: &SceneArgs, when_built: &dyn Fn()) -> Result<Loaded> {
         }
         (false, None) if is_gltf_file(&args.scene) => {
             let scene = gltf_scene(&args.scene, &args.set);
-            Ok(scene?)
+            let scene = scene?;
+            if scene.shapes.is_empty() {
+                bail!("{}: its scene has no triangles: there is nothing to render", args.scene.display());
+            }
+            Ok(scene)
         }
         (false, None) => load_scene(&args.scene, &args.set),
         (false, Some(_)) => bail!("--up is for a mesh alone; a scene file says it by `fit` (`up = \"z\"`)"),

@@ -215,7 +215,8 @@ impl Outputs {
             image_io::write_exr(exr, &image)?;
         }
         let tone = ToneMap {
-            exposure: args.exposure.unwrap_or(loaded.description.film.exposure) + loaded.description.film.white,
+            exposure: args.exposure.unwrap_or(loaded.description.film.exposure)
+                + loaded.description.film.white,
             curve: match args.tone {
                 CurveArg::None => ToneCurve::None,
                 CurveArg::Neutral => ToneCurve::Neutral,

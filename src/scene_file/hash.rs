@@ -39,7 +39,8 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
                     hasher.update_reader(file)?;
                 }
             }
-            let libraries = if *own_materials && !is_gltf_file(path) { material_files(path)? } else { Vec::new() };
+            let libraries =
+                if *own_materials && !is_gltf_file(path) { material_files(path)? } else { Vec::new() };
             for library in libraries {
                 // Where there is none, the picture has none of its materials either, and a warning.
                 match File::open(library) {

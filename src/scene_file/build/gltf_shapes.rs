@@ -3,8 +3,8 @@
 use super::{BuildError, BuildProblem, error_of};
 use crate::math::Bounds3;
 use crate::scene_file::description::{
-    GeometryDescription, InstanceDescription, MaterialDescription, MeshNormals, Named, SceneDescription, SceneWarning,
-    ShapeDescription,
+    GeometryDescription, InstanceDescription, MaterialDescription, MeshNormals, Named, SceneDescription,
+    SceneWarning, ShapeDescription,
 };
 use crate::scene_file::gltf::{gltf_model, is_gltf_file};
 use crate::scene_file::mesh::TriangleMesh;
@@ -62,7 +62,9 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
     }
     let before = match fit {
         None => DAffine3::IDENTITY,
-        Some(fit) => fit.transform(&bounds_of(&model)).ok_or_else(|| error(BuildProblem::Fit(path.clone())))?,
+        Some(fit) => {
+            fit.transform(&bounds_of(&model)).ok_or_else(|| error(BuildProblem::Fit(path.clone())))?
+        }
     };
     let above = shape.value.transform * before;
     let (first_material, first_group) = (taken.materials.len(), taken.groups.len());
@@ -96,16 +98,25 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
         let stays = part.value.group.is_some() && !is_grouped;
         let all = if stays { vec![DAffine3::IDENTITY] } else { placements(&model, &part.value) };
         for placement in all {
-            let transform = if stays { part.value.transform } else { above * placement * part.value.transform };
+            let transform =
+                if stays { part.value.transform } else { above * placement * part.value.transform };
             taken.shapes.push(Named {
                 name: format!("{}, {}", shape.name, part.name),
                 location: shape.location.clone(),
                 value: ShapeDescription {
                     geometry: GeometryDescription::Gltf { mesh: Arc::clone(&mesh), data: Arc::clone(&data) },
                     transform,
-                    material: if *own_materials { first_material + part.value.material } else { shape.value.material },
+                    material: if *own_materials {
+                        first_material + part.value.material
+                    } else {
+                        shape.value.material
+                    },
                     emission: if *own_materials { part.value.emission } else { shape.value.emission },
-                    group: if stays { part.value.group.map(|group| first_group + group) } else { shape.value.group },
+                    group: if stays {
+                        part.value.group.map(|group| first_group + group)
+                    } else {
+                        shape.value.group
+                    },
                     ..shape.value.clone()
                 },
             });

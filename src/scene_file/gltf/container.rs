@@ -121,6 +121,7 @@ pub(super) fn parse(text: &[u8], warnings: &mut Vec<String>) -> Result<(gltf::Do
     let root = serde_path_to_error::deserialize::<_, json::Root>(&value);
     let root = root.or_else(|error| {
         let path = error.path().to_string();
+        let path = if path == "." { "the JSON".to_owned() } else { path };
         fail(path, format!("{}; the file is no valid glTF, write it again", error.into_inner()))
     })?;
     if root.asset.version.split('.').next() != Some("2") {

@@ -160,7 +160,8 @@ pub(super) fn gltf_model(path: &Path) -> Result<SceneDescription, GltfError> {
 pub(super) fn further_files(path: &Path) -> Vec<PathBuf> {
     let Ok(bytes) = std::fs::read(path) else { return Vec::new() };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let value = container::split(&bytes).ok().and_then(|parts| serde_json::from_slice::<Value>(parts.json).ok());
+    let value =
+        container::split(&bytes).ok().and_then(|parts| serde_json::from_slice::<Value>(parts.json).ok());
     let uris = ["buffers", "images"].into_iter().flat_map(|list| {
         let list = value.as_ref().and_then(|value| value.get(list)).and_then(Value::as_array);
         list.into_iter().flatten().filter_map(|item| item.get("uri").and_then(Value::as_str))

@@ -101,8 +101,8 @@ fn model_of(description: &SceneDescription) -> Model {
     for_each_triangle(description, |[a, b, c]| {
         winding += signed_solid_angle([a - middle, b - middle, c - middle]);
         let twice = (b - a).cross(c - a);
-        if a.y.max(b.y).max(c.y) <= highest && twice.y.abs() > 0.9 * twice.length() {
-            floor += 0.5 * twice.y.abs();
+        if a.y.max(b.y).max(c.y) <= highest && twice.y > 0.9 * twice.length() {
+            floor += 0.5 * twice.y;
         }
     });
     Model { bounds, floor, winding }
@@ -120,11 +120,12 @@ pub(super) fn complete(description: &mut SceneDescription, wishes: Wishes) {
     );
     let is_lit = !description.lights.is_empty() || shows_itself;
     let size = bounds.max - bounds.min;
-    let has_floor = floor >= FLOOR_SHARE * size.x * size.z;
+    let has_floor = floor > 0.0 && floor >= FLOOR_SHARE * size.x * size.z;
     let location = description.location.clone();
     if description.camera.is_none() {
         let aspect = f64::from(description.film.width) / f64::from(description.film.height);
-        let camera = if model.is_room() { within(&bounds, &location) } else { framing(&bounds, aspect, &location) };
+        let camera =
+            if model.is_room() { within(&bounds, &location) } else { framing(&bounds, aspect, &location) };
         description.camera = Some(camera);
     }
     description.film.white = LUMENS_PER_WATT.log2();

@@ -24,7 +24,10 @@ fn buffer() -> Vec<u8> {
 }
 
 fn uri(bytes: &[u8]) -> String {
-    format!("data:application/octet-stream;base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
+    format!(
+        "data:application/octet-stream;base64,{}",
+        base64::engine::general_purpose::STANDARD.encode(bytes)
+    )
 }
 
 /// A file with that triangle, indices of four bytes, in a white dielectric.
@@ -131,20 +134,30 @@ fn sparse_accessors_replace_what_they_name() {
         triangle(),
         &[
             ("/buffers/0", json!({ "byteLength": bytes.len(), "uri": uri(&bytes) })),
-            ("/bufferViews", json!([
-                { "buffer": 0, "byteLength": 96, "byteStride": 32 },
-                { "buffer": 0, "byteOffset": 96, "byteLength": at - 96 },
-                { "buffer": 0, "byteOffset": at, "byteLength": 16 },
-            ])),
+            (
+                "/bufferViews",
+                json!([
+                    { "buffer": 0, "byteLength": 96, "byteStride": 32 },
+                    { "buffer": 0, "byteOffset": 96, "byteLength": at - 96 },
+                    { "buffer": 0, "byteOffset": at, "byteLength": 16 },
+                ]),
+            ),
             ("/accessors/0/sparse", sparse.clone()),
         ],
     );
     assert_eq!(corners(&read(&value).unwrap()), [[DVec3::ZERO, DVec3::X, DVec3::Y * 5.0]]);
-    let out_of_range = changed(value.clone(), &[("/accessors/0/count", json!(2)), ("/accessors/1/count", json!(2))]);
+    let out_of_range =
+        changed(value.clone(), &[("/accessors/0/count", json!(2)), ("/accessors/1/count", json!(2))]);
     assert!(read(&out_of_range).is_err());
-    let zeros = changed(value, &[("/accessors/0", json!({
-        "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [0, 5, 0], "sparse": sparse
-    }))]);
+    let zeros = changed(
+        value,
+        &[(
+            "/accessors/0",
+            json!({
+                "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [0, 5, 0], "sparse": sparse
+            }),
+        )],
+    );
     // Two corners at the origin: no triangle is left, which is told.
     let found = read(&zeros).unwrap();
     assert!(corners(&found).is_empty() && !found.warnings.is_empty());
@@ -155,12 +168,15 @@ fn nodes_place_meshes_and_share_them() {
     let value = changed(
         triangle(),
         &[
-            ("/nodes", json!([
-                { "children": [1, 2], "translation": [10, 0, 0] },
-                { "mesh": 0, "scale": [2, 2, 2] },
-                { "mesh": 0, "rotation": [0, 0, 0.707_106_77, 0.707_106_77] },
-                { "mesh": 0, "scale": [0, 1, 1] },
-            ])),
+            (
+                "/nodes",
+                json!([
+                    { "children": [1, 2], "translation": [10, 0, 0] },
+                    { "mesh": 0, "scale": [2, 2, 2] },
+                    { "mesh": 0, "rotation": [0, 0, 0.707_106_77, 0.707_106_77] },
+                    { "mesh": 0, "scale": [0, 1, 1] },
+                ]),
+            ),
             ("/scenes/0/nodes", json!([0, 3])),
         ],
     );
@@ -190,22 +206,28 @@ fn cycles_and_shared_children_are_refused() {
 
 #[test]
 fn materials_keep_their_factors_and_units() {
-    let value = changed(triangle(), &[("/materials/0", json!({
-        "name": "amber",
-        "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1, 0.5], "metallicFactor": 0.25, "roughnessFactor": 0.5 },
-        "emissiveFactor": [1, 0.5, 0],
-        "alphaMode": "MASK",
-        "extensions": {
-            "KHR_materials_emissive_strength": { "emissiveStrength": 683 },
-            "KHR_materials_clearcoat": { "clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.5 },
-            "KHR_materials_anisotropy": { "anisotropyStrength": 0.5, "anisotropyRotation": 1 },
-            "KHR_materials_transmission": { "transmissionFactor": 1 },
-            "KHR_materials_volume": {
-                "thicknessFactor": 0.1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]
-            },
-            "KHR_materials_ior": { "ior": 1.75 },
-        },
-    }))]);
+    let value = changed(
+        triangle(),
+        &[(
+            "/materials/0",
+            json!({
+                "name": "amber",
+                "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1, 0.5], "metallicFactor": 0.25, "roughnessFactor": 0.5 },
+                "emissiveFactor": [1, 0.5, 0],
+                "alphaMode": "MASK",
+                "extensions": {
+                    "KHR_materials_emissive_strength": { "emissiveStrength": 683 },
+                    "KHR_materials_clearcoat": { "clearcoatFactor": 0.75, "clearcoatRoughnessFactor": 0.5 },
+                    "KHR_materials_anisotropy": { "anisotropyStrength": 0.5, "anisotropyRotation": 1 },
+                    "KHR_materials_transmission": { "transmissionFactor": 1 },
+                    "KHR_materials_volume": {
+                        "thicknessFactor": 0.1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]
+                    },
+                    "KHR_materials_ior": { "ior": 1.75 },
+                },
+            }),
+        )],
+    );
     let found = read(&value).unwrap();
     let amber = material(&found, 0);
     assert_eq!((amber.factors.base, amber.alpha), (glam::Vec3::new(0.5, 0.25, 1.0), 0.5));
@@ -219,7 +241,11 @@ fn materials_keep_their_factors_and_units() {
     assert!((radiance - DVec3::new(1.0, 0.5, 0.0)).length() < 1e-9, "{radiance}");
     // Without a thickness the wall is thin, and there is no medium.
     let mut thin = value.clone();
-    thin.pointer_mut("/materials/0/extensions").unwrap().as_object_mut().unwrap().remove("KHR_materials_volume");
+    thin.pointer_mut("/materials/0/extensions")
+        .unwrap()
+        .as_object_mut()
+        .unwrap()
+        .remove("KHR_materials_volume");
     let found = read(&thin).unwrap();
     assert_eq!((material(&found, 0).factors.body, found.media.len()), (Body::Thin, 1));
     let wrong = changed(value, &[("/materials/0/extensions/KHR_materials_ior/ior", json!("glass"))]);
@@ -235,18 +261,27 @@ fn cameras_lights_and_what_is_missing() {
     let value = changed(
         triangle(),
         &[
-            ("/nodes", json!([
-                { "mesh": 0 },
-                { "camera": 0, "translation": [0, 0, 5] },
-                { "translation": [0, 3, 0], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
-                { "extensions": { "KHR_lights_punctual": { "light": 1 } } },
-            ])),
+            (
+                "/nodes",
+                json!([
+                    { "mesh": 0 },
+                    { "camera": 0, "translation": [0, 0, 5] },
+                    { "translation": [0, 3, 0], "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+                    { "extensions": { "KHR_lights_punctual": { "light": 1 } } },
+                ]),
+            ),
             ("/scenes/0/nodes", json!([0, 1, 2, 3])),
-            ("/cameras", json!([{ "type": "perspective", "perspective": { "yfov": 0.5, "znear": 0.1, "aspectRatio": 2 } }])),
-            ("/extensions", json!({ "KHR_lights_punctual": { "lights": [
+            (
+                "/cameras",
+                json!([{ "type": "perspective", "perspective": { "yfov": 0.5, "znear": 0.1, "aspectRatio": 2 } }]),
+            ),
+            (
+                "/extensions",
+                json!({ "KHR_lights_punctual": { "lights": [
                 { "type": "point", "intensity": 683 },
                 { "type": "directional", "intensity": 1366, "color": [1, 0.5, 0] },
-            ] } })),
+            ] } }),
+            ),
         ],
     );
     let found = read(&value).unwrap();
@@ -255,7 +290,9 @@ fn cameras_lights_and_what_is_missing() {
     assert!((camera.fov.to_radians() - 0.5).abs() < 1e-6 && found.film.height == 320);
     match &found.lights[0].value {
         LightDescription::Point { position, intensity } => {
-            assert!((*position - DVec3::Y * 3.0).length() < 1e-6 && (*intensity - DVec3::ONE).length() < 1e-9);
+            assert!(
+                (*position - DVec3::Y * 3.0).length() < 1e-6 && (*intensity - DVec3::ONE).length() < 1e-9
+            );
         }
         other => panic!("{other:?}"),
     }
@@ -267,7 +304,9 @@ fn cameras_lights_and_what_is_missing() {
         other => panic!("{other:?}"),
     }
     assert_eq!(found.lights.len(), 2);
-    assert!(!read_with(&value, &[("ground", "no")]).unwrap().shapes.iter().any(|shape| shape.name == "ground"));
+    assert!(
+        !read_with(&value, &[("ground", "no")]).unwrap().shapes.iter().any(|shape| shape.name == "ground")
+    );
     assert!(read_with(&value, &[("grund", "no")]).unwrap_err().to_string().contains("ground"));
     assert!(read_with(&value, &[("camera", "7")]).is_err());
     assert!(read_with(&value, &[("variant", "red")]).is_err());
@@ -300,8 +339,11 @@ fn malformed_collections_are_read_or_told() {
         return;
     };
     let mut seen = 0;
-    for part in ["gltf-validator/glb", "gltf-validator/json", "gltf-validator/accessor_data", "magnum-gltf", "assimp"] {
-        let mut paths: Vec<_> = fs::read_dir(folder.join(part)).unwrap().map(|entry| entry.unwrap().path()).collect();
+    for part in
+        ["gltf-validator/glb", "gltf-validator/json", "gltf-validator/accessor_data", "magnum-gltf", "assimp"]
+    {
+        let mut paths: Vec<_> =
+            fs::read_dir(folder.join(part)).unwrap().map(|entry| entry.unwrap().path()).collect();
         paths.sort();
         for path in paths.into_iter().filter(|path| is_gltf_file(path)) {
             seen += 1;
@@ -314,7 +356,9 @@ fn malformed_collections_are_read_or_told() {
                 assert!(!message.chars().any(char::is_control), "{message}");
             }
             let verdict = fs::read_to_string(format!("{}.report.json", path.display())).ok();
-            let Some(verdict) = verdict.and_then(|text| serde_json::from_str::<Value>(&text).ok()) else { continue };
+            let Some(verdict) = verdict.and_then(|text| serde_json::from_str::<Value>(&text).ok()) else {
+                continue;
+            };
             let errors = verdict.pointer("/issues/numErrors").and_then(Value::as_u64).unwrap();
             if !TOLERATED.contains(&name.as_str()) {
                 assert_eq!(errors > 0, loaded.is_err(), "{part}/{name}: {errors} errors, {:?}", loaded.err());

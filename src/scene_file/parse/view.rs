@@ -65,7 +65,13 @@ pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescr
 
 /// The film of a scene file that says nothing about it.
 pub(super) fn default_film() -> FilmDescription {
-    FilmDescription { width: 512, height: 512, filter: FilterDescription::Box { radius: 0.5 }, exposure: 0.0, white: 0.0 }
+    FilmDescription {
+        width: 512,
+        height: 512,
+        filter: FilterDescription::Box { radius: 0.5 },
+        exposure: 0.0,
+        white: 0.0,
+    }
 }
 
 pub(super) fn read_film(mut table: Table<'_>) -> Option<FilmDescription> {
