@@ -55,7 +55,7 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
         return Ok(());
     };
     let error = |problem| error_of(shape, problem);
-    let model = gltf_model(path).map_err(|problem| error(problem.into()))?;
+    let model = gltf_model(path).map_err(|problem| error(Box::new(problem).into()))?;
     for warning in &model.warnings {
         let message = format!("{}: {}", shape.name, warning.message);
         taken.warnings.push(SceneWarning { location: shape.location.clone(), message });

@@ -58,7 +58,7 @@ pub enum BuildProblem {
     MeshFile(#[from] MeshFileError),
     /// Its glTF file.
     #[error(transparent)]
-    Gltf(#[from] GltfError),
+    Gltf(#[from] Box<GltfError>),
     /// Its mesh cannot be fitted.
     #[error(
         "{}: no triangles with an extent that `fit` could scale: the mesh is empty, damaged, or of points and lines alone; \
