@@ -91,7 +91,7 @@ fn parallelogram(corner: DVec3, u: DVec3, v: DVec3) -> Result<Geometry, Box<dyn 
     let corners = [corner, corner + u, corner + u + v, corner + v];
     let positions = corners.iter().map(|corner| corner.as_vec3().to_array()).collect();
     let buffers = TriangleBuffers::new(positions, vec![[0, 1, 2], [0, 2, 3]])?;
-    Ok(Geometry::Mesh(Mesh { buffers, normals: None }))
+    Ok(Geometry::Mesh(Mesh { buffers, normals: None, data: None }))
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -145,6 +145,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             ("glass".to_owned(), glass),
         ],
         textures: Vec::new(),
+        pixel: 0.0,
         media: vec![medium("air", 1.0), medium("inside", 1.5)],
         lights: vec![Light::Area(light)],
         space: RenderSpace::fitting(DVec3::ZERO, 0.99),

@@ -16,7 +16,7 @@
 //! side they are black. A two-sided material is made by the caller, who turns the frame so that `wo.z > 0`
 //! before building the `Bsdf`; a one-sided one keeps the frame of the surface, and its back absorbs.
 //! [`Bsdf::BLACK`] absorbs everywhere. [`Dielectric`] and [`RoughDielectric`] have media on both sides and must
-//! keep the frame of the surface.
+//! keep the frame of the surface, and so must a [`Layered`] that is an interface; other layered ones are turned.
 //!
 //! # Failure values
 //!
@@ -28,6 +28,8 @@ mod dielectric;
 mod fresnel;
 mod ggx;
 mod lambert;
+mod layered;
+mod layered_albedo;
 mod metals;
 mod mirror;
 mod part;
@@ -41,6 +43,8 @@ pub(crate) mod chi_square;
 #[cfg(test)]
 mod glossy_tests;
 #[cfg(test)]
+mod layered_tests;
+#[cfg(test)]
 mod tests;
 
 pub use conductor::{Conductor, Metal, fresnel_conductor, schlick_fresnel};
@@ -48,6 +52,7 @@ pub use dielectric::{Dielectric, MATCHED_IOR_TOLERANCE};
 pub use fresnel::{critical_cosine, fresnel_dielectric, reflect, refract};
 pub use ggx::SMOOTH_ROUGHNESS;
 pub use lambert::Lambert;
+pub use layered::{Body, Layered, LayeredParameters};
 pub use metals::METALS;
 pub use mirror::Mirror;
 pub use part::GLOSS_THRESHOLD;
@@ -129,6 +134,8 @@ pub enum Bsdf {
     Conductor(Conductor),
     /// Rough interface between two media.
     RoughDielectric(RoughDielectric),
+    /// The material of glTF 2.0.
+    Layered(Layered),
 }
 
 impl Bsdf {
@@ -142,6 +149,7 @@ impl Bsdf {
             Self::Schlick(schlick) => schlick.is_anisotropic(),
             Self::Ward(ward) => ward.is_anisotropic(),
             Self::Conductor(metal) => metal.is_anisotropic(),
+            Self::Layered(layers) => layers.is_anisotropic(),
         }
     }
 }

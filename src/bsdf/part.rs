@@ -61,7 +61,7 @@ impl Parts {
 
 /// Which lobe a glossy part of this roughness is.
 #[inline]
-fn lobe_of(roughness: f32) -> Lobe {
+pub(super) fn lobe_of(roughness: f32) -> Lobe {
     if roughness < GLOSS_THRESHOLD { Lobe::Glossy } else { Lobe::Diffuse }
 }
 
@@ -82,6 +82,8 @@ impl Bsdf {
             Self::Conductor(metal) => (none, metal.albedo(wo), none, lobe_of(metal.roughness())),
             // Photons on an interface could only be found from the side they came from: it is traced, however rough.
             Self::RoughDielectric(_) => (none, Rgb::ONE, none, Lobe::Glossy),
+            // Has more parts than these, and answers by itself.
+            Self::Layered(_) => (none, none, none, Lobe::Glossy),
         };
         Parts { diffuse, gloss, mirror, gloss_lobe }
     }
@@ -91,6 +93,7 @@ impl Bsdf {
     fn is_lit(&self, wo: Vec3) -> bool {
         match self {
             Self::Dielectric(_) | Self::RoughDielectric(_) => wo.z != 0.0 && !wo.z.is_nan(),
+            Self::Layered(layers) => layers.is_lit(wo),
             _ => wo.z > 0.0,
         }
     }
@@ -99,6 +102,9 @@ impl Bsdf {
     /// and dielectric. Zero exactly where there is no such lobe.
     #[inline]
     pub fn lobe_albedo(&self, lobe: Lobe, wo: Vec3) -> Rgb {
+        if let Self::Layered(layers) = self {
+            return layers.lobe_albedo(lobe, wo);
+        }
         let parts = self.parts(wo);
         match lobe {
             Lobe::Specular => parts.mirror,
@@ -160,6 +166,9 @@ impl Bsdf {
         if lobe == Lobe::Specular {
             return Rgb::ZERO;
         }
+        if let Self::Layered(layers) = self {
+            return layers.eval(lobe, wo, wi, mode);
+        }
         let parts = self.parts(wo);
         let mut f = Rgb::ZERO;
         if lobe == Lobe::Diffuse && parts.diffuse != Rgb::ZERO {
@@ -176,6 +185,9 @@ impl Bsdf {
     pub fn pdf_solid_angle(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> f32 {
         if let (Self::Lambert(lambert), Lobe::Diffuse) = (self, lobe) {
             return lambert.pdf_solid_angle(wo, wi);
+        }
+        if let Self::Layered(layers) = self {
+            return layers.pdf_solid_angle(lobe, wo, wi);
         }
         let parts = self.parts(wo);
         let (has_diffuse, has_gloss) = (parts.diffuse != Rgb::ZERO, parts.gloss != Rgb::ZERO);
@@ -208,6 +220,9 @@ impl Bsdf {
     ) -> Option<BsdfSample> {
         if !self.is_lit(wo) {
             return None;
+        }
+        if let Self::Layered(layers) = self {
+            return layers.sample_lobe(lobe, wo, u_lobe, u, mode);
         }
         let parts = self.parts(wo);
         let (has_diffuse, has_gloss) = (parts.diffuse != Rgb::ZERO, parts.gloss != Rgb::ZERO);
@@ -305,6 +320,7 @@ impl Bsdf {
             Self::Lambert(_) | Self::Ward(_) | Self::RoughDielectric(_) => false,
             Self::Schlick(schlick) => schlick.is_smooth(),
             Self::Conductor(metal) => metal.is_smooth(),
+            Self::Layered(layers) => layers.is_delta(),
         }
     }
 
@@ -329,6 +345,7 @@ impl Bsdf {
                 ward.diffuse().reflectance != Rgb::ZERO || slightly_glossy
             }
             Self::Conductor(metal) => !metal.is_smooth() && lobe_of(metal.roughness()) == Lobe::Diffuse,
+            Self::Layered(layers) => layers.has_diffuse(),
         }
     }
 
@@ -341,6 +358,7 @@ impl Bsdf {
             Self::Schlick(schlick) => lobe_of(schlick.slope()) == Lobe::Glossy && schlick.shares()[1] > 0.0,
             Self::Ward(ward) => lobe_of(ward.roughness()) == Lobe::Glossy && ward.gloss() != Rgb::ZERO,
             Self::Conductor(metal) => !metal.is_smooth() && lobe_of(metal.roughness()) == Lobe::Glossy,
+            Self::Layered(layers) => layers.has_glossy(),
         }
     }
 
@@ -352,6 +370,7 @@ impl Bsdf {
             Self::Dielectric(_) => true,
             Self::Schlick(schlick) => schlick.shares()[2] > 0.0,
             Self::Conductor(metal) => metal.is_smooth(),
+            Self::Layered(layers) => layers.has_specular(),
             Self::Lambert(_) | Self::Ward(_) | Self::RoughDielectric(_) => false,
         }
     }
@@ -362,6 +381,7 @@ impl Bsdf {
         match self {
             Self::Lambert(lambert) => Some(*lambert),
             Self::Ward(ward) if lobe_of(ward.roughness()) == Lobe::Glossy => Some(ward.diffuse()),
+            Self::Layered(layers) => layers.lambertian(),
             _ => None,
         }
     }
@@ -372,6 +392,7 @@ impl Bsdf {
     pub fn reflection_probability(&self, wo: Vec3) -> f32 {
         match self {
             Self::Dielectric(dielectric) => dielectric.reflectance(wo),
+            Self::Layered(layers) => layers.reflection_probability(wo),
             _ => 1.0,
         }
     }
@@ -380,6 +401,10 @@ impl Bsdf {
     /// layer: the sum of [`Self::lobe_albedo`].
     #[inline]
     pub fn albedo(&self, wo: Vec3) -> Rgb {
+        if let Self::Layered(layers) = self {
+            let lobes = [Lobe::Diffuse, Lobe::Glossy, Lobe::Specular];
+            return lobes.map(|lobe| layers.lobe_albedo(lobe, wo)).into_iter().sum::<Rgb>().min(Rgb::ONE);
+        }
         let parts = self.parts(wo);
         (parts.diffuse + parts.gloss + parts.mirror).min(Rgb::ONE)
     }
@@ -387,7 +412,7 @@ impl Bsdf {
 
 /// Whether `u` is below `probability`, and what the decision leaves of it: uniform again in `[0, 1)`.
 #[inline]
-fn choose(u: f32, probability: f32) -> (bool, f32) {
+pub(super) fn choose(u: f32, probability: f32) -> (bool, f32) {
     let below = u < probability;
     let rest = if below { u / probability } else { (u - probability) / (1.0 - probability) };
     (below, rest.clamp(0.0, crate::sampling::ONE_MINUS_EPSILON))

@@ -26,26 +26,6 @@ impl RoughDielectric {
         self.facets.along
     }
 
-    /// The generalised half vector, towards the side of `wo` (whose cosine is positive here), of a reflection or a
-    /// refraction; and the factor `|dh/dwi| / (wo . h)` by which a density of it over `wo . h` becomes one of `wi`. `None`
-    /// where no facet leads from one to the other.
-    #[inline]
-    fn facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<(Vec3, f32)> {
-        if wi.z > 0.0 {
-            return half_vector(wo, wi).map(|h| (h, 0.25));
-        }
-        let sum = wo + wi * eta;
-        let h = crate::math::unit(sum)?;
-        let h = if h.z < 0.0 { -h } else { h };
-        let (cos_o, cos_i) = (wo.dot(h), wi.dot(h));
-        if !(cos_o > 0.0 && cos_i < 0.0) {
-            return None;
-        }
-        // The half vector's length before normalisation is |wo . h + eta wi . h|.
-        let factor = eta * eta * -cos_i * cos_o / sum.length_squared();
-        factor.is_finite().then_some((h, factor))
-    }
-
     /// As if `wo` were above: the relative index, and both directions on that side.
     #[inline]
     fn turned(&self, wo: Vec3, wi: Vec3) -> (f32, Vec3, Vec3) {
@@ -59,7 +39,7 @@ impl RoughDielectric {
             return Rgb::ZERO;
         }
         let (eta, wo, wi) = self.turned(wo, wi);
-        let Some((h, factor)) = Self::facet(wo, wi, eta) else { return Rgb::ZERO };
+        let Some((h, factor)) = facet(wo, wi, eta) else { return Rgb::ZERO };
         let reflectance = fresnel_dielectric(wo.dot(h), eta);
         let fraction = match (wi.z > 0.0, mode) {
             (true, _) => reflectance,
@@ -76,7 +56,7 @@ impl RoughDielectric {
             return 0.0;
         }
         let (eta, wo, wi) = self.turned(wo, wi);
-        let Some((h, factor)) = Self::facet(wo, wi, eta) else { return 0.0 };
+        let Some((h, factor)) = facet(wo, wi, eta) else { return 0.0 };
         let reflectance = fresnel_dielectric(wo.dot(h), eta);
         let fraction = if wi.z > 0.0 { reflectance } else { 1.0 - reflectance };
         let pdf = fraction * self.facets.visible_over_cosine(wo, h) * factor;
@@ -109,10 +89,30 @@ impl RoughDielectric {
     }
 }
 
+/// The generalised half vector, towards the side of `wo` (whose cosine is positive here), of a reflection or a
+/// refraction; and the factor `|dh/dwi| / (wo . h)` by which a density of it over `wo . h` becomes one of `wi`. `None`
+/// where no facet leads from one to the other.
+#[inline]
+pub(super) fn facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<(Vec3, f32)> {
+    if wi.z > 0.0 {
+        return half_vector(wo, wi).map(|h| (h, 0.25));
+    }
+    let sum = wo + wi * eta;
+    let h = crate::math::unit(sum)?;
+    let h = if h.z < 0.0 { -h } else { h };
+    let (cos_o, cos_i) = (wo.dot(h), wi.dot(h));
+    if !(cos_o > 0.0 && cos_i < 0.0) {
+        return None;
+    }
+    // The half vector's length before normalisation is |wo . h + eta wi . h|.
+    let factor = eta * eta * -cos_i * cos_o / sum.length_squared();
+    factor.is_finite().then_some((h, factor))
+}
+
 /// The direction into which `wo` is refracted at a facet of normal `h`, on whose side it is; `None` beyond the critical
 /// angle. `eta` is the index behind the facet over that before it.
 #[inline]
-fn refract_about(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
+pub(super) fn refract_about(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     let cosine = wo.dot(h);
     // As in `refract`: eta^2 cos_t^2 without cancellation near one.
     let a_squared = (eta - 1.0) * (eta + 1.0) + cosine * cosine;

@@ -21,7 +21,9 @@ fn direction(cos: f32, phi: f32) -> Vec3 {
 
 #[test]
 fn types_are_small() {
-    assert!(size_of::<Bsdf>() <= 40 && size_of::<BsdfSample>() <= 32 + 4);
+    // All models but the layers of glTF fit into 40 bytes; those are what sets the size.
+    assert!(size_of::<Bsdf>() <= 120 && size_of::<BsdfSample>() <= 32 + 4);
+    assert!(size_of::<Ward>() <= 36 && size_of::<Schlick>() <= 36 && size_of::<Conductor>() <= 36);
 }
 
 #[test]

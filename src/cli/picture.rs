@@ -7,7 +7,7 @@ use cardioid::render::{MemoryEstimate, Observer};
 use cardioid::scene::{Geometry, Scene};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
-    build_scene_watched, content_hash, is_mesh_file, load_scene, mesh_scene,
+    build_scene_watched, content_hash, gltf_scene, is_gltf_file, is_mesh_file, load_scene, mesh_scene,
 };
 use clap::Args;
 use glam::Vec3;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// Which scene, and what of it.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
+    /// Scene file (TOML), a glTF file (.gltf, .glb), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
     #[arg(value_name = "SCENE")]
     pub(crate) scene: PathBuf,
 
@@ -103,6 +103,14 @@ pub(crate) fn load(args: &SceneArgs, observer: &dyn Observer, when_built: &dyn F
             let up = up.map(|up| ("up".to_owned(), up.to_owned()));
             let parameters: Vec<_> = args.set.iter().cloned().chain(up).collect();
             mesh_scene(&args.scene, &parameters)
+        }
+        (false, None) if is_gltf_file(&args.scene) => {
+            let scene = gltf_scene(&args.scene, &args.set);
+            let scene = scene?;
+            if scene.shapes.is_empty() {
+                bail!("{}: its scene has no triangles: there is nothing to render", args.scene.display());
+            }
+            Ok(scene)
         }
         (false, None) => load_scene(&args.scene, &args.set),
         (false, Some(_)) => bail!("--up is for a mesh alone; a scene file says it by `fit` (`up = \"z\"`)"),

@@ -304,7 +304,8 @@ impl Outputs {
             image_io::write_exr(exr, &image)?;
         }
         let tone = ToneMap {
-            exposure: args.exposure.unwrap_or(loaded.description.film.exposure),
+            exposure: args.exposure.unwrap_or(loaded.description.film.exposure)
+                + loaded.description.film.white,
             curve: match args.tone {
                 CurveArg::None => ToneCurve::None,
                 CurveArg::Neutral => ToneCurve::Neutral,

@@ -11,6 +11,7 @@
 
 mod all_hits;
 mod callbacks;
+mod cutout;
 mod device;
 mod packets;
 mod procedural;
@@ -18,6 +19,7 @@ mod scene;
 mod triangles;
 
 pub use all_hits::AllHits;
+pub use cutout::Cutout;
 pub use device::{Device, EmbreeError, LibraryVersion};
 pub use procedural::{ObjectHit, Procedural, SurfacePoint};
 pub use scene::{CommittedScene, GeometryId, RawHit, SceneBuilder};

@@ -1,5 +1,6 @@
 use super::all_hits::{AllHits, COLLECTS, Collection, collect_triangle, instance_of};
 use super::callbacks::{self, UserGeometry};
+use super::cutout::{self, CutGeometry, Cutout};
 use super::device::{Device, EmbreeError};
 use super::{Procedural, TriangleBuffers};
 use crate::math::Ray;
@@ -33,6 +34,7 @@ pub struct RawHit {
 #[allow(dead_code, reason = "owned on behalf of Embree")]
 enum Resource {
     Triangles(TriangleBuffers),
+    Cut(TriangleBuffers, Box<CutGeometry>),
     User(Box<UserGeometry>),
     Instanced(Arc<CommittedScene>),
 }
@@ -108,8 +110,40 @@ impl SceneBuilder {
     /// Where Embree refuses the buffers or has no memory.
     pub fn add_triangles(&mut self, buffers: TriangleBuffers) -> Result<GeometryId, EmbreeError> {
         let action = "add triangles";
+        let geometry = self.new_triangles(&buffers, action)?;
+        self.attach(geometry, Resource::Triangles(buffers), action)
+    }
+
+    /// Adds triangles, read in place, through whose holes rays pass: see [`Cutout`].
+    ///
+    /// # Errors
+    /// As [`Self::add_triangles`].
+    pub fn add_cut_triangles(
+        &mut self,
+        buffers: TriangleBuffers,
+        cutout: Arc<dyn Cutout>,
+    ) -> Result<GeometryId, EmbreeError> {
+        let action = "add triangles with holes";
+        let geometry = self.new_triangles(&buffers, action)?;
+        let cut = Box::new(CutGeometry { cutout, panics: Arc::clone(&self.panics) });
+        let pointer = std::ptr::from_ref::<CutGeometry>(&cut).cast_mut().cast::<c_void>();
+        // SAFETY: `pointer` is the address of a box that the scene keeps as long as the geometry; the filter expects
+        // exactly that type behind it.
+        unsafe {
+            sys::rtcSetGeometryUserData(geometry, pointer);
+            sys::rtcSetGeometryIntersectFilterFunction(geometry, Some(cutout::pass_holes));
+            sys::rtcSetGeometryOccludedFilterFunction(geometry, Some(cutout::pass_holes));
+        }
+        self.attach(geometry, Resource::Cut(buffers, cut), action)
+    }
+
+    fn new_triangles(
+        &self,
+        buffers: &TriangleBuffers,
+        action: &'static str,
+    ) -> Result<sys::RTCGeometry, EmbreeError> {
         let geometry = self.new_geometry(sys::RTC_GEOMETRY_TYPE_TRIANGLE, action)?;
-        // SAFETY: both buffers are owned by `buffers`, which the scene keeps; positions have 16 readable bytes at
+        // SAFETY: both buffers are owned by `buffers`, which the scene keeps (callers hand them to it); positions have 16 readable bytes at
         // the last vertex and all indices are in range (`TriangleBuffers::new`).
         unsafe {
             sys::rtcSetSharedGeometryBuffer(
@@ -133,7 +167,7 @@ impl SceneBuilder {
                 buffers.triangles().len(),
             );
         }
-        self.attach(geometry, Resource::Triangles(buffers), action)
+        Ok(geometry)
     }
 
     /// Adds user geometry.
@@ -349,7 +383,7 @@ impl CommittedScene {
                 .iter()
                 .map(|resource| match resource {
                     Resource::Instanced(scene) => scene.panics(),
-                    Resource::Triangles(_) | Resource::User(_) => 0,
+                    Resource::Triangles(_) | Resource::Cut(..) | Resource::User(_) => 0,
                 })
                 .sum::<u64>()
     }

@@ -97,6 +97,24 @@ pub enum ImageError {
     },
 }
 
+impl ImageError {
+    /// The same error of a file that was read under another path than the one it is known by.
+    pub(super) fn renamed(self, old: &Path, name: &Path) -> Self {
+        let path = name.to_owned();
+        match self {
+            Self::Read { cause, .. } => Self::Read { path, cause },
+            Self::NotAPicture { .. } => Self::NotAPicture { path },
+            Self::Damaged { reason, .. } => {
+                let reason = reason.replace(&*old.to_string_lossy(), &name.to_string_lossy());
+                Self::Damaged { path, reason }
+            }
+            Self::Unsupported { what, .. } => Self::Unsupported { path, what },
+            Self::TooLarge { values, limit, .. } => Self::TooLarge { path, values, limit },
+            other => other,
+        }
+    }
+}
+
 /// What the system says, in words that name a remedy where the cause is a usual one.
 fn write_remedy(path: &Path, cause: &io::Error) -> String {
     let folder = match folder_of(path) {

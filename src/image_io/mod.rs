@@ -19,7 +19,7 @@ mod write;
 pub use error::ImageError;
 pub use image::{Image, Layer, MetadataValue};
 pub use oiio::{library_failure, library_version, load_library};
-pub use read::{DEFAULT_LIMIT, read, read_with_limit};
+pub use read::{DEFAULT_LIMIT, read, read_bytes, read_with_limit};
 pub use write::{
     PngPixels, check_writable, is_same_file, write_bytes, write_exr, write_png, write_text, write_with,
 };

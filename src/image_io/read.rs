@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, CString};
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek};
+use std::io::{self, BufReader, Read, Seek, Write};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
@@ -67,6 +67,17 @@ pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, Imag
     Ok(image)
 }
 
+/// Reads a picture that lies in memory, as [`read_with_limit`]; errors call it `name`. The bytes go through a temporary
+/// file.
+///
+/// # Errors
+/// As [`read_with_limit`].
+pub fn read_bytes(bytes: &[u8], name: &Path, limit: u64) -> Result<Image, ImageError> {
+    let mut file = tempfile::NamedTempFile::new().map_err(|cause| unreadable(name, cause))?;
+    file.write_all(bytes).map_err(|cause| unreadable(name, cause))?;
+    read_with_limit(file.path(), limit).map_err(|error| error.renamed(file.path(), name))
+}
+
 const FORMAT_EXR: &CStr = c"openexr";
 
 /// First bytes of a kind of file, and what OpenImageIO calls it.
@@ -87,7 +98,7 @@ fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageError> {
     let mut file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let mut start = Vec::new();
     // A folder can be opened, but not read.
-    file.by_ref().take(8).read_to_end(&mut start).map_err(|cause| unreadable(path, cause))?;
+    Read::by_ref(&mut file).take(8).read_to_end(&mut start).map_err(|cause| unreadable(path, cause))?;
     let kind = KINDS.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, format)| format);
     let format = match kind {
         Some(format) => format,

@@ -87,7 +87,7 @@ impl<'a> PathTracer<'a> {
         let weight = self
             .direct
             .weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
-        area.emitted(hit.is_front()) * weight
+        area.emitted(hit.is_front()) * hit.glow * weight
     }
 
     /// Light from outside along a ray that meets nothing.

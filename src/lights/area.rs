@@ -4,9 +4,11 @@ use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Rgb, unit_f64};
 use crate::sampling::{Distribution1D, ONE_MINUS_EPSILON, refined};
 use crate::shapes::{EmitterShape, Patch, Sphere};
+use crate::textures::Glow;
 use glam::{DVec3, Vec2, Vec3};
+use std::sync::Arc;
 
-/// A surface that emits the same radiance from every point in every direction on its side.
+/// A surface that emits the same radiance in every direction on its side, and from every point, or what a picture says.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
     /// One exact shape, or the triangles of a mesh by primitive number.
@@ -23,6 +25,12 @@ pub struct AreaLight {
     area_over_pdf: f32,
     /// Radius of the largest piece: what rounding errors near it scale with.
     extent: f32,
+    /// Area of all pieces, one side.
+    area: f64,
+    /// Where the radiance is less in places: a factor on it, and the corners of each piece.
+    glow: Option<(Arc<Glow>, Vec<[u32; 3]>)>,
+    /// Mean factor over the surface; one where there is no glow.
+    mean: DVec3,
 }
 
 /// Where a photon leaves an area light.
@@ -36,6 +44,8 @@ pub struct EmissionStart {
     pub area_over_pdf: f32,
     /// On the side away from the light's normal.
     pub back: bool,
+    /// Factor on the light's radiance here.
+    pub glow: Rgb,
     offset: f32,
 }
 
@@ -56,10 +66,24 @@ impl AreaLight {
         let extent = pieces.iter().map(|piece| piece.bounds().radius()).fold(0.0, f64::max) as f32;
         let sides = if two_sided { 2.0 } else { 1.0 };
         let area_over_pdf = (sides * choice.total()) as f32;
+        let area = choice.total();
         let many = pieces.len() > FEW_PIECES;
         let bounds = |piece: &EmitterShape| piece_bounds(piece, two_sided, flip_normal);
         let tree = if many { LightTree::new(&pieces.iter().map(bounds).collect::<Vec<_>>()) } else { None };
-        Some(Self { pieces, choice, tree, radiance, two_sided, flip_normal, area_over_pdf, extent })
+        let (glow, mean) = (None, DVec3::ONE);
+        Some(Self {
+            pieces,
+            choice,
+            tree,
+            radiance,
+            two_sided,
+            flip_normal,
+            area_over_pdf,
+            extent,
+            area,
+            glow,
+            mean,
+        })
     }
 
     /// What bounds the light of all pieces.
@@ -67,17 +91,45 @@ impl AreaLight {
         let pieces = || self.pieces.iter().map(|piece| piece_bounds(piece, self.two_sided, self.flip_normal));
         let of_area =
             self.tree.as_ref().map(|tree| *tree.whole()).or_else(|| pieces().reduce(LightBounds::union))?;
-        Some(LightBounds { power: of_area.power * f64::from(self.radiance.max_element()), ..of_area })
+        let radiance = self.radiance.as_dvec3() * self.mean;
+        Some(LightBounds { power: of_area.power * radiance.max_element(), ..of_area })
     }
 
-    /// Radiance it emits.
+    /// The same light with its radiance multiplied by `glow`; `corners` are those of each piece, all of them triangles. Pieces
+    /// are chosen by what they emit. `None` where their areas cannot be summed up.
+    pub fn with_glow(mut self, glow: Arc<Glow>, corners: Vec<[u32; 3]>) -> Option<Self> {
+        /// Of the mean: what a piece is taken to emit at least, as means over pieces are estimates.
+        const FLOOR: f64 = 0.01;
+        let areas: Vec<f64> = self.pieces.iter().map(EmitterShape::area).collect();
+        let means: Vec<DVec3> = corners.iter().map(|&corners| glow.mean(corners).as_dvec3()).collect();
+        let flux: DVec3 = areas.iter().zip(&means).map(|(&area, &mean)| mean * area).sum();
+        self.mean = flux / self.area;
+        // Where means find nothing at all, only area is left to go by.
+        let floor = if self.mean == DVec3::ZERO { 1.0 } else { FLOOR * self.mean.max_element() };
+        let weights = areas.iter().zip(&means).map(|(area, mean)| area * mean.max_element().max(floor));
+        self.choice = Distribution1D::new(weights)?;
+        self.glow = Some((glow, corners));
+        Some(self)
+    }
+
+    /// Factor on the radiance at a point of a piece.
+    fn glow_at(&self, piece: usize, position: DVec3) -> Rgb {
+        match (&self.glow, self.pieces.get(piece)) {
+            (Some((glow, corners)), Some(EmitterShape::Triangle(triangle))) => corners
+                .get(piece)
+                .map_or(Rgb::ONE, |&corners| glow.at(corners, triangle.barycentric(position), 0.0)),
+            _ => Rgb::ONE,
+        }
+    }
+
+    /// Radiance it emits, where nothing dims it.
     pub fn radiance(&self) -> Rgb {
         self.radiance
     }
 
     /// Area of all pieces, one side.
     pub fn area(&self) -> f64 {
-        self.choice.total()
+        self.area
     }
 
     /// Radiance seen from the `front` (the side of the surface's normal, after flipping) or the back.
@@ -88,7 +140,7 @@ impl AreaLight {
     /// Flux per channel: `pi L A`, from each side that emits.
     pub fn flux(&self) -> DVec3 {
         let sides = if self.two_sided { 2.0 } else { 1.0 };
-        self.radiance.as_dvec3() * (std::f64::consts::PI * self.area() * sides)
+        self.radiance.as_dvec3() * self.mean * (std::f64::consts::PI * self.area() * sides)
     }
 
     /// True where a sample's contribution has no bound, or the light can surround a point, so that most of what is drawn
@@ -143,7 +195,7 @@ impl AreaLight {
         if height.abs() <= f64::from(start.offset + rounding) {
             return None;
         }
-        let radiance = self.emitted(height > 0.0);
+        let radiance = self.emitted(height > 0.0) * self.glow_at(piece, sample.position);
         if radiance == Rgb::ZERO {
             return None;
         }
@@ -203,12 +255,20 @@ impl AreaLight {
 
     #[inline]
     fn start(&self, back: bool, x: f64, u: Vec2) -> EmissionStart {
-        let (piece, _, u) = self.choose_by(x, u);
+        let (piece, probability, u) = self.choose_by(x, u);
         let sample = self.pieces[piece].sample_area(u);
+        let area_over_pdf = match self.glow {
+            None => self.area_over_pdf,
+            Some(_) => {
+                let sides = if self.two_sided { 2.0 } else { 1.0 };
+                (sides * self.pieces[piece].area() / f64::from(probability)) as f32
+            }
+        };
         let normal = if self.flip_normal != back { -sample.normal } else { sample.normal };
         EmissionStart {
-            area_over_pdf: self.area_over_pdf,
+            area_over_pdf,
             back,
+            glow: self.glow_at(piece, sample.position),
             ..start_at(sample.position, normal, self.extent)
         }
     }
@@ -289,6 +349,7 @@ fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
         normal: n,
         area_over_pdf: 0.0,
         back: false,
+        glow: Rgb::ONE,
         offset: 2.0 * n.abs().dot(error + rounded.abs() * UNIT_ROUNDOFF),
     }
 }

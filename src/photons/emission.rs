@@ -137,7 +137,7 @@ impl<'a> Emitter<'a> {
                         (start, cosine_direction(start.normal, heading), PI)
                     }
                 };
-                let power = area.radiance() * (factor * start.area_over_pdf);
+                let power = area.radiance() * start.glow * (factor * start.area_over_pdf);
                 let leaves = start.normal.dot(direction) > 0.0 && power.max_element() > 0.0;
                 leaves.then(|| EmittedPhoton {
                     ray: Ray::new(start.off_surface(direction), direction),

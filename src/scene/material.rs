@@ -1,4 +1,4 @@
-use crate::bsdf::{Bsdf, Dielectric, Lambert, Mirror, RoughDielectric};
+use crate::bsdf::{Bsdf, Dielectric, Lambert, Layered, Mirror, RoughDielectric};
 use crate::math::Rgb;
 use crate::media::MediumId;
 use glam::Vec3;
@@ -37,6 +37,13 @@ pub enum Material {
         outside: MediumId,
         /// The interface itself.
         interface: RoughDielectric,
+    },
+    /// The material of glTF; where its parameters vary, this is what of it is anywhere.
+    Layered {
+        /// The model.
+        bsdf: Layered,
+        /// Media on the side away from the normal and on the side of the normal, where it is the border between them.
+        media: Option<[MediumId; 2]>,
     },
     /// Schlick's or Ward's model, or a metal.
     Glossy {
@@ -94,13 +101,17 @@ impl Material {
             Self::Mirror { reflectance, .. } => Bsdf::Mirror(Mirror { reflectance }),
             Self::Dielectric { interface, .. } => Bsdf::Dielectric(interface),
             Self::RoughDielectric { interface, .. } => Bsdf::RoughDielectric(interface),
+            Self::Layered { bsdf, .. } => Bsdf::Layered(bsdf),
             Self::Glossy { bsdf, .. } => bsdf,
         }
     }
 
     #[inline]
     fn is_opaque(&self) -> bool {
-        !matches!(self, Self::Dielectric { .. } | Self::RoughDielectric { .. })
+        !matches!(
+            self,
+            Self::Dielectric { .. } | Self::RoughDielectric { .. } | Self::Layered { media: Some(_), .. }
+        )
     }
 
     /// How an anisotropic model lies in the surface; `None` where nothing depends on it.
@@ -119,6 +130,9 @@ impl Material {
         match *self {
             Self::Dielectric { inside, outside, .. } | Self::RoughDielectric { inside, outside, .. } => {
                 Some(if front { outside } else { inside })
+            }
+            Self::Layered { media, .. } => {
+                media.map(|[inside, outside]| if front { outside } else { inside })
             }
             Self::Lambert { .. } | Self::Mirror { .. } | Self::Glossy { .. } => None,
         }

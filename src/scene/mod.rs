@@ -2,6 +2,7 @@
 
 mod crossings;
 mod illuminated;
+mod layered;
 mod material;
 mod plan;
 mod render_space;
@@ -11,6 +12,7 @@ mod world;
 
 pub use crossings::Crossings;
 pub use illuminated::{IlluminatedShape, IlluminationKernel};
+pub use layered::{AlphaCutout, Coverage, LayeredMaterial, Painted, glow_of};
 pub use material::{Material, Tangent};
 pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowMode};
 pub use render_space::RenderSpace;

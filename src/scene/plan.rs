@@ -269,7 +269,9 @@ impl Facts {
         Self {
             lit: scene.light_power().is_some(),
             diffuse: count(Material::has_diffuse),
-            lambert: count(|m| m.has_diffuse() && matches!(m, Material::Lambert { .. })),
+            lambert: count(|m| {
+                m.has_diffuse() && matches!(m, Material::Lambert { .. } | Material::Layered { .. })
+            }),
             specular: count(Material::is_specular),
             glossy: count(Material::has_glossy),
             absorbing: scene.media().iter().filter(|medium| !medium.is_clear()).count(),

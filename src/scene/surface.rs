@@ -1,5 +1,6 @@
 //! Points on surfaces, with the error bounds that make ray offsets unnecessary to tune.
 
+use super::layered::Painted;
 use super::material::Material;
 use super::texture::tinted;
 use crate::bsdf::Bsdf;
@@ -286,6 +287,10 @@ pub struct SurfaceInteraction {
     pub material: u32,
     /// Factor on the material's reflectance: the colour of its texture here, or 1.
     pub tint: Rgb,
+    /// Factor on the light's radiance, where the surface emits.
+    pub glow: Rgb,
+    /// What a material whose parameters vary is here.
+    pub painted: Option<Painted>,
 }
 
 impl SurfaceInteraction {
@@ -308,6 +313,9 @@ impl SurfaceInteraction {
         let front = self.is_front();
         let turned = |n: Vec3| if front { n } else { -n };
         let (mut bsdf, keeps_side) = material.bsdf(front);
+        if let (Some(painted), Bsdf::Layered(_)) = (&self.painted, &bsdf) {
+            bsdf = Bsdf::Layered(painted.bsdf);
+        }
         if self.tint != Rgb::ONE {
             bsdf = tinted(bsdf, self.tint);
         }
@@ -320,11 +328,21 @@ impl SurfaceInteraction {
         if !(shading.dot(self.wo) * geometric.dot(self.wo) > 0.0) {
             shading = geometric;
         }
-        let frame = match material.tangent() {
-            None => Frame::from_z(shading),
-            Some(tangent) => Frame::with_tangent(shading, tangent.at(shading)),
+        let frame = match (material.tangent(), &self.painted) {
+            (None, Some(painted)) if painted.tangent != Vec3::ZERO => {
+                Frame::with_tangent(shading, painted.tangent)
+            }
+            (None, _) => Frame::from_z(shading),
+            (Some(tangent), _) => Frame::with_tangent(shading, tangent.at(shading)),
         };
-        Shading { bsdf, frame, geometric, wo_local: frame.to_local(self.wo) }
+        let wo_local = frame.to_local(self.wo);
+        if let Bsdf::Layered(mut layers) = bsdf {
+            if let Some(normal) = self.painted.and_then(|painted| painted.coat_normal) {
+                layers.set_coat_normal(frame.to_local(if keeps_side { normal } else { turned(normal) }));
+            }
+            bsdf = Bsdf::Layered(layers.seen_from(wo_local));
+        }
+        Shading { bsdf, frame, geometric, wo_local }
     }
 
     /// A ray from here in a unit `direction`, started off the surface by this hit's own error bound.

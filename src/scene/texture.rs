@@ -1,19 +1,23 @@
 //! Textures of materials, resolved where a surface is hit.
 
+use super::layered::LayeredMaterial;
 use super::render_space::RenderSpace;
 use super::surface::SurfaceInteraction;
 use crate::bsdf::Bsdf;
 use crate::math::{Rgb, unit_f64};
 use crate::textures::SolidTexture;
 use glam::Vec3;
+use std::sync::Arc;
 
 /// What varies over the surfaces of a material. Materials without textures have the default, which costs nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialTexture {
     /// Factor on the reflectance.
     pub colour: Option<SolidTexture>,
     /// Tilts the shading normal.
     pub bump: Option<Bump>,
+    /// Parameters of a material of glTF.
+    pub layers: Option<Arc<LayeredMaterial>>,
 }
 
 /// A surface raised by a pattern, as far as its normals show it.
@@ -28,7 +32,7 @@ pub struct Bump {
 impl MaterialTexture {
     /// True where nothing varies.
     pub fn is_plain(&self) -> bool {
-        self.colour.is_none() && self.bump.is_none()
+        self.colour.is_none() && self.bump.is_none() && self.layers.is_none()
     }
 
     /// Looks the textures up at a hit.
@@ -69,6 +73,6 @@ pub(super) fn tinted(bsdf: Bsdf, tint: Rgb) -> Bsdf {
         }
         Bsdf::Schlick(schlick) => Bsdf::Schlick(schlick.tinted(tint)),
         Bsdf::Ward(ward) => Bsdf::Ward(ward.tinted(tint)),
-        Bsdf::Conductor(_) | Bsdf::Dielectric(_) | Bsdf::RoughDielectric(_) => bsdf,
+        Bsdf::Conductor(_) | Bsdf::Dielectric(_) | Bsdf::RoughDielectric(_) | Bsdf::Layered(_) => bsdf,
     }
 }

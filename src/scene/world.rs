@@ -1,6 +1,7 @@
 //! Surfaces, where they stand, and the queries that find them.
 
 use super::illuminated::IlluminatedShape;
+use super::layered::Site;
 use super::material::Material;
 use super::render_space::RenderSpace;
 use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
@@ -10,6 +11,7 @@ use crate::lights::{Light, LightChoice, LightId};
 use crate::math::{Ray, Rgb, unit};
 use crate::media::{AIR, Medium, MediumId};
 use crate::sampling::{Distribution1D, Sobol, warp};
+use crate::textures::VertexData;
 use glam::{Vec3, Vec3A};
 use std::sync::Arc;
 
@@ -20,6 +22,8 @@ pub struct Mesh {
     pub buffers: TriangleBuffers,
     /// Unit normals at the vertices, for interpolation; `None` for flat shading.
     pub normals: Option<Arc<Vec<Vec3>>>,
+    /// What textures need at the vertices, where the material has some.
+    pub data: Option<Arc<VertexData>>,
 }
 
 impl Mesh {
@@ -137,6 +141,8 @@ pub struct SceneParts {
     pub targets: Vec<Target>,
     /// By light: name in the scene file, and photons in proportion to others of the same flux.
     pub light_notes: Vec<LightNote>,
+    /// Width of a pixel of the picture at distance 1: how fine textures are read. 0 for as fine as they are.
+    pub pixel: f32,
 }
 
 /// An immutable scene.
@@ -306,7 +312,7 @@ impl Scene {
     #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
         let found = self.plain_interaction(ray, hit);
-        if self.parts.textures.is_empty() { found } else { self.textured(found) }
+        if self.parts.textures.is_empty() { found } else { self.textured(found, hit) }
     }
 
     /// [`Self::interaction`] without textures.
@@ -328,11 +334,22 @@ impl Scene {
 
     /// The hit with the textures of its material looked up.
     #[inline(never)]
-    fn textured(&self, mut hit: SurfaceInteraction) -> SurfaceInteraction {
-        if let Some(texture) = self.texture_of(hit.material) {
-            texture.apply(&mut hit, &self.parts.space);
+    fn textured(&self, mut found: SurfaceInteraction, hit: &RawHit) -> SurfaceInteraction {
+        let Some(texture) = self.texture_of(found.material) else { return found };
+        texture.apply(&mut found, &self.parts.space);
+        let surface = &self.parts.surfaces[found.surface as usize];
+        if let (Some(layers), Geometry::Mesh(mesh)) = (&texture.layers, &surface.geometry)
+            && let Some(data) = &mesh.data
+        {
+            let placement = match hit.instance.map(|instance| &self.parts.nodes[instance as usize]) {
+                Some(Node::Instance { placement, .. }) => Some(&**placement),
+                _ => None,
+            };
+            let (primitive, uv, flipped) = (hit.primitive, hit.uv, surface.flip_normal);
+            let site = Site { mesh, data, placement, primitive, uv, pixel: self.parts.pixel, flipped };
+            layers.apply(&mut found, &site);
         }
-        hit
+        found
     }
 
     /// Textures of a material, if it has any.
@@ -348,7 +365,7 @@ impl Scene {
             return None;
         };
         let surface = &self.parts.surfaces[*index as usize];
-        let Geometry::Mesh(Mesh { buffers, normals: None }) = &surface.geometry else { return None };
+        let Geometry::Mesh(Mesh { buffers, normals: None, .. }) = &surface.geometry else { return None };
         let Material::Lambert { reflectance, two_sided } = self.parts.materials[surface.material as usize].1
         else {
             return None;
@@ -557,6 +574,8 @@ fn found(
         primitive: hit.primitive,
         material: surface.material,
         tint: Rgb::ONE,
+        glow: Rgb::ONE,
+        painted: None,
     }
 }
 

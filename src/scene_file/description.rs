@@ -6,9 +6,9 @@ use super::mesh::TriangleMesh;
 use crate::bsdf::Bsdf;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
-use crate::scene::{IlluminationKernel, Tangent};
+use crate::scene::{IlluminationKernel, LayeredMaterial, Tangent};
 use crate::shapes::{Csg, TerrainNoise};
-use crate::textures::SolidTexture;
+use crate::textures::{SolidTexture, VertexData};
 use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
 use std::path::PathBuf;
@@ -93,6 +93,8 @@ pub struct SceneDescription {
     pub light_photons: Vec<f64>,
     /// What the reader noticed that is legal but probably not meant.
     pub warnings: Vec<SceneWarning>,
+    /// Files beside the first one that were read for this description: they count for its hash.
+    pub further_files: Vec<PathBuf>,
 }
 
 /// Which side of the picture a field of view spans.
@@ -174,6 +176,8 @@ pub struct FilmDescription {
     pub filter: FilterDescription,
     /// Exposure in stops for the PNG: radiance is multiplied by `2^exposure`.
     pub exposure: f64,
+    /// Stops that are added to every exposure, whoever asks for it: what the scene takes for white.
+    pub white: f64,
 }
 
 /// A homogeneous medium.
@@ -210,6 +214,14 @@ pub enum MaterialDescription {
         outside: usize,
         /// The alpha of GGX, in `[0, 1]`; zero for a smooth interface.
         roughness: f64,
+    },
+    /// A material of glTF.
+    Layered {
+        /// Factors and textures.
+        material: Arc<LayeredMaterial>,
+        /// Indices into [`SceneDescription::media`] on the side away from the normal and on the side of the normal, where the
+        /// material is the border between them.
+        media: Option<[usize; 2]>,
     },
     /// Schlick's or Ward's model, or a metal.
     Glossy {
@@ -318,6 +330,13 @@ pub enum GeometryDescription {
         normals: MeshNormals,
         /// What a fit made of it; comes before the shape's transform.
         before: DAffine3,
+    },
+    /// Triangles of a glTF file.
+    Gltf {
+        /// The mesh.
+        mesh: Arc<TriangleMesh>,
+        /// What textures need at its vertices.
+        data: Arc<VertexData>,
     },
     /// Triangles made when the scene is built.
     Generated(Generator),

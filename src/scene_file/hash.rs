@@ -1,4 +1,5 @@
 use super::description::{GeometryDescription, LightDescription, Named, SceneDescription, ShapeDescription};
+use super::gltf::{further_files, is_gltf_file};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::obj::material_files;
 use std::fmt::{self, Write};
@@ -32,6 +33,13 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
 /// # Errors
 /// Where a mesh file cannot be read any more.
 pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
+    if is_gltf_file(&scene.location.file) {
+        // All of it is in the file.
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(File::open(&*scene.location.file)?)?;
+        hash_files(scene, &mut hasher)?;
+        return Ok(hasher.finalize().to_hex().to_string());
+    }
     // Everything is named here, so that nothing is added to scenes without asking whether photons depend on it.
     let SceneDescription {
         name: _,
@@ -49,6 +57,8 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
         instances,
         lights,
         light_photons,
+        // Their content, by `hash_files`.
+        further_files: _,
     } = scene;
     let mut hasher = blake3::Hasher::new();
     // Numbers print as the shortest text that reads as the same number, so different ones print differently.
@@ -107,12 +117,25 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
 
 /// The content of all files that shapes are read from.
 fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Result<()> {
+    for path in &scene.further_files {
+        let file = File::open(path)?;
+        hasher.update(&file.metadata()?.len().to_le_bytes());
+        hasher.update_reader(file)?;
+    }
     for shape in &scene.shapes {
         if let GeometryDescription::MeshFile { path, own_materials, .. } = &shape.value.geometry {
             let file = File::open(path)?;
             hasher.update(&file.metadata()?.len().to_le_bytes());
             hasher.update_reader(file)?;
-            let libraries = if *own_materials { material_files(path)? } else { Vec::new() };
+            if is_gltf_file(path) {
+                for other in further_files(path) {
+                    let file = File::open(other)?;
+                    hasher.update(&file.metadata()?.len().to_le_bytes());
+                    hasher.update_reader(file)?;
+                }
+            }
+            let libraries =
+                if *own_materials && !is_gltf_file(path) { material_files(path)? } else { Vec::new() };
             for library in libraries {
                 // Where there is none, the picture has none of its materials either, and a warning.
                 match File::open(library) {

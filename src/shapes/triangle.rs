@@ -46,6 +46,13 @@ impl Triangle {
         AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area) as f32 }
     }
 
+    /// Barycentric coordinates of the second and third corner for a point of the triangle.
+    pub fn barycentric(&self, position: DVec3) -> [f32; 2] {
+        let (from_corner, twice) = (position - self.corner, 2.0 * self.area);
+        let part = |cross: DVec3| (cross.dot(self.normal) / twice) as f32;
+        [part(from_corner.cross(self.edge_c)), part(self.edge_b.cross(from_corner))]
+    }
+
     /// See [`super::EmitterShape::patch`].
     pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
         // The map from the square is linear on both sides of its diagonal; the larger slope of the two.

@@ -385,7 +385,7 @@ impl PhotonMapIntegrator<'_> {
         let from = receiver(self.scene, vertex.hit);
         let other = area.pdf_solid_angle(from, hit.primitive, hit.point.position)
             * self.direct.choice_probability(&from, id);
-        area.emitted(hit.is_front()) * power_heuristic(pdf, other)
+        area.emitted(hit.is_front()) * hit.glow * power_heuristic(pdf, other)
     }
 
     fn outside_by_bsdf(&self, vertex: &Vertex<'_>, direction: Vec3, pdf: f32) -> Rgb {

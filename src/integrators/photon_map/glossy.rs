@@ -102,7 +102,7 @@ pub(super) fn emitted(
     let weight = lights.map_or(1.0, |lights| {
         lights.weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position))
     });
-    area.emitted(hit.is_front()) * weight
+    area.emitted(hit.is_front()) * hit.glow * weight
 }
 
 /// Light from outside along a followed ray that meets nothing, as [`emitted`].

@@ -1,8 +1,10 @@
 //! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
 
+mod gltf_shapes;
 mod light;
 mod own_materials;
 mod place;
+mod textured;
 
 use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
@@ -10,6 +12,7 @@ use super::description::{
     CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, Location,
     MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
+use super::gltf::GltfError;
 use super::ies::IesError;
 use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
@@ -58,6 +61,9 @@ pub enum BuildProblem {
     /// Its mesh file.
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
+    /// Its glTF file.
+    #[error(transparent)]
+    Gltf(#[from] Box<GltfError>),
     /// Its mesh cannot be fitted.
     #[error(
         "{}: no triangles with an extent that `fit` could scale: the mesh is empty, damaged, or of points and lines alone; \
@@ -210,6 +216,7 @@ pub fn build_scene_watched(
         bounds: (space.position(bounds.center()).as_vec3(), radius),
         targets: assembly.targets,
         light_notes,
+        pixel: builder.pixel,
     });
     Ok(BuiltScene { scene, camera, warnings: builder.warnings })
 }
@@ -234,6 +241,8 @@ struct Builder<'a> {
     /// By light.
     lights: Vec<LightSource>,
     warnings: Vec<SceneWarning>,
+    /// Width of a pixel at distance 1.
+    pixel: f32,
 }
 
 /// A light on a surface, its radiance not yet scaled.
@@ -301,7 +310,7 @@ impl<'a> Builder<'a> {
             }));
             lights.push(source);
         }
-        Ok(Self { description, sources, specularities, lights, warnings })
+        Ok(Self { description, sources, specularities, lights, warnings, pixel: 0.0 })
     }
 
     /// Each placement of each shape: its index, and from its own space to the world. Shapes of groups come once for
@@ -377,6 +386,7 @@ impl<'a> Builder<'a> {
             });
         }
         let fov = description.vertical_fov(width, height);
+        self.pixel = (2.0 * (0.5 * fov).to_radians().tan() / f64::from(height)) as f32;
         let camera = Camera::look_at(eye, at, description.up, fov, aspect).ok_or_else(error)?;
         Ok(match description.lens {
             Some(lens) => {
@@ -428,6 +438,7 @@ impl<'a> Builder<'a> {
                 None => self.sources[index].0.place(&total, emits),
             };
             let placed = placed.map_err(|problem| error_of(shape, problem))?;
+            let placed = self.with_vertex_data(index, &total, placed);
             self.add_surface(index, placed, &mut top, &mut assembly)?;
             if let Some(surface) = assembly.surfaces.last_mut() {
                 surface.illumination = illumination;
@@ -451,7 +462,7 @@ impl<'a> Builder<'a> {
         assembly: &mut Assembly,
     ) -> Result<(), BuildError> {
         let shape = &self.description.shapes[index];
-        add_geometry(builder, &placed.geometry).map_err(|problem| error_of(shape, problem.into()))?;
+        self.add_geometry(index, builder, &placed.geometry)?;
         let flip = shape.value.flip_normal != placed.flip;
         let surface = assembly.surfaces.len();
         if placed.lost > 0 {
@@ -540,11 +551,8 @@ impl<'a> Builder<'a> {
             let first = assembly.surfaces.len() as u32;
             for &index in &members {
                 let shape = &self.description.shapes[index];
-                let (source, transform) = &self.sources[index];
-                let placed =
-                    source.place(&(local * *transform), false).map_err(|problem| error_of(shape, problem))?;
-                add_geometry(&mut builder, &placed.geometry)
-                    .map_err(|problem| error_of(shape, problem.into()))?;
+                let placed = self.place(index, &(local * self.sources[index].1), false)?;
+                self.add_geometry(index, &mut builder, &placed.geometry)?;
                 let flip = shape.value.flip_normal != placed.flip;
                 assembly.surfaces.push(self.surface(index, placed.geometry, flip));
             }
@@ -657,7 +665,12 @@ impl Assembly {
                 name: self.surfaces[emitter.surface].name.clone(),
                 photons: emitter.emission.photons as f32,
             };
-            AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip)
+            let light =
+                AreaLight::new(emitter.pieces.clone(), radiance, emitter.emission.two_sided, emitter.flip);
+            light
+                .and_then(|light| {
+                    textured::with_glow(light, description, emitter.shape, &self.surfaces[emitter.surface])
+                })
                 .map(|light| (Light::Area(light), note))
                 .ok_or_else(|| error_of(&description.shapes[emitter.shape], BuildProblem::EmitterArea))
         });
@@ -706,6 +719,10 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
                 None => Material::Dielectric { inside, outside, interface: smooth },
             }
         }
+        MaterialDescription::Layered { ref material, media } => Material::Layered {
+            bsdf: material.representative(),
+            media: media.map(|media| media.map(|medium| medium as u32)),
+        },
         MaterialDescription::Glossy { bsdf, two_sided, tangent } => {
             Material::Glossy { bsdf, two_sided, tangent }
         }
@@ -715,12 +732,14 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
 /// Textures of each material; none at all where no material has one.
 fn textures(description: &SceneDescription) -> Vec<MaterialTexture> {
     let texture = |index: usize| description.textures[index].value;
-    let textures: Vec<_> = description
-        .looks
-        .iter()
-        .map(|look| MaterialTexture {
+    let look_of = |index: usize| description.looks.get(index).copied().unwrap_or_default();
+    let looks =
+        description.materials.iter().enumerate().map(|(index, material)| (look_of(index), &material.value));
+    let textures: Vec<_> = looks
+        .map(|(look, material)| MaterialTexture {
             colour: look.colour.map(texture),
             bump: look.bump.map(|(index, height)| Bump { texture: texture(index), height }),
+            layers: textured::layers_of(material),
         })
         .collect();
     if textures.iter().all(MaterialTexture::is_plain) { Vec::new() } else { textures }

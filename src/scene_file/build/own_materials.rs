@@ -1,6 +1,6 @@
 //! Meshes that bring their materials: each material's faces become a shape of their own.
 
-use super::{BuildError, begin_reading, error_of};
+use super::{BuildError, begin_reading, error_of, gltf_shapes};
 use crate::bsdf::{Bsdf, Form, Ward};
 use crate::render::Observer;
 use crate::scene_file::MeshReading;
@@ -24,7 +24,7 @@ pub(super) fn take_apart(
         matches!(&shape.value.geometry, GeometryDescription::MeshFile { path, own_materials: true, .. }
             if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")))
     };
-    if !description.shapes.iter().any(has_own) {
+    if !description.shapes.iter().any(|shape| has_own(shape) || gltf_shapes::is_gltf(shape)) {
         return Ok(None);
     }
     let mut taken = SceneDescription { shapes: Vec::new(), ..description.clone() };
@@ -61,6 +61,7 @@ pub(super) fn take_apart(
                     push_part(&mut taken, shape, material, mesh, before, *normals, &numbers);
                 }
             }
+            _ if gltf_shapes::is_gltf(shape) => gltf_shapes::add(&mut taken, shape)?,
             _ => taken.shapes.push(shape.clone()),
         }
     }

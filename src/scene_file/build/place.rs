@@ -96,6 +96,7 @@ impl Source {
                 before = *fitted;
                 Self::mesh(mesh)
             }
+            GeometryDescription::Gltf { mesh, .. } => Self::Mesh(TriangleMesh::clone(mesh)),
             GeometryDescription::Mesh { positions, triangles, normals } => {
                 let positions = Positions::Double(positions.iter().map(DVec3::to_array).collect());
                 let mut mesh =
@@ -399,7 +400,7 @@ pub(super) fn place_mesh(
     });
     let buffers = TriangleBuffers::new(positions, triangles)?;
     Ok(Placed {
-        geometry: Geometry::Mesh(Mesh { buffers, normals }),
+        geometry: Geometry::Mesh(Mesh { buffers, normals, data: None }),
         bounds,
         sphere: (center, radius),
         flip: false,
@@ -424,7 +425,7 @@ fn place_quad(
     let emitter =
         if emits { vec![EmitterShape::Quad(Quad::new(corner, edge_u, edge_v)?)] } else { Vec::new() };
     Ok(Placed {
-        geometry: Geometry::Mesh(Mesh { buffers, normals: None }),
+        geometry: Geometry::Mesh(Mesh { buffers, normals: None, data: None }),
         bounds,
         sphere: (bounds.center(), bounds.radius()),
         flip: false,

@@ -184,6 +184,7 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
         lights,
         light_photons,
         warnings: Vec::new(),
+        further_files: Vec::new(),
     })
 }
 

@@ -7,9 +7,9 @@ use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
 use crate::scene::IlluminationKernel;
 use crate::scene_file::description::*;
-use crate::scene_file::is_mesh_file;
 use crate::scene_file::mesh::{is_degenerate, triangulate_polygon};
 use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, SHARE, Table, Value};
+use crate::scene_file::{is_gltf_file, is_mesh_file};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
 
@@ -283,13 +283,12 @@ fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
         return None;
     }
     if !path.is_file() {
-        let remedy = "name a mesh file: .ply, .obj or .stl";
+        let remedy = "name a mesh file: .ply, .obj, .stl, .gltf or .glb";
         context.error(&value.span(), format!("{shown} is a folder or not a regular file"), remedy);
         return None;
     }
-    if !is_mesh_file(&path) {
-        let remedy =
-            "convert it to PLY, OBJ or STL; the name of the file must end in `.ply`, `.obj` or `.stl`";
+    if !(is_mesh_file(&path) || is_gltf_file(&path)) {
+        let remedy = "convert it to PLY, OBJ, STL or glTF; the name of the file must end in `.ply`, `.obj`, `.stl`, `.gltf` or `.glb`";
         context.error(&value.span(), format!("{shown} is no mesh by its name"), remedy);
         return None;
     }

@@ -107,7 +107,13 @@ fn read_lens(
 
 /// The film of a scene file that says nothing about it.
 pub(super) fn default_film() -> FilmDescription {
-    FilmDescription { width: 512, height: 512, filter: FilterDescription::Box { radius: 0.5 }, exposure: 0.0 }
+    FilmDescription {
+        width: 512,
+        height: 512,
+        filter: FilterDescription::Box { radius: 0.5 },
+        exposure: 0.0,
+        white: 0.0,
+    }
 }
 
 pub(super) fn read_film(mut table: Table<'_>) -> Option<FilmDescription> {
@@ -126,7 +132,7 @@ pub(super) fn read_film(mut table: Table<'_>) -> Option<FilmDescription> {
         return None;
     }
     let (width, height) = (u32::try_from(width).ok()?, u32::try_from(height).ok()?);
-    Some(FilmDescription { width, height, filter: filter?, exposure: exposure? })
+    Some(FilmDescription { width, height, filter: filter?, exposure: exposure?, white: 0.0 })
 }
 
 #[derive(Clone, Copy)]

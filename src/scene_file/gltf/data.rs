@@ -1,0 +1,338 @@
+//! Buffers and accessors: every length is checked before anything is read.
+
+use super::error::{Failure, fail};
+use base64::Engine;
+use base64::engine::DecodePaddingMode;
+use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
+use gltf::accessor::{DataType, Dimensions};
+use gltf::buffer;
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+/// Elements of an accessor that has no data, whose zeros the file does not have to hold.
+const MOST_ZEROS: u64 = 1 << 24;
+
+/// Bytes that accessors of one file are decoded to in all, those that are not kept included.
+const MOST_DECODED: u64 = 1 << 34;
+
+/// Base64 as files have it, with or without padding.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &base64::alphabet::STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// What a URI of a file leads to.
+#[derive(Debug)]
+pub(super) enum Resource {
+    /// Bytes in the file itself.
+    Inline(Vec<u8>),
+    /// Another file.
+    File(PathBuf),
+}
+
+/// Resolves a URI against the folder of the file.
+pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Resource, String> {
+    if let Some(rest) = uri.strip_prefix("data:") {
+        let Some((kind, content)) = rest.split_once(',') else {
+            return Err("its data: URI has no data; write the file again".to_owned());
+        };
+        if !kind.ends_with(";base64") {
+            return Err("its data: URI is not in base64; write the file again".to_owned());
+        }
+        let bytes = BASE64.decode(content);
+        let bytes =
+            bytes.map_err(|error| format!("its data: URI is damaged ({error}); write the file again"))?;
+        return Ok(Resource::Inline(bytes));
+    }
+    let scheme = uri.split_once(':').map(|(scheme, _)| scheme);
+    if scheme.is_some_and(|scheme| scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))) {
+        return Err(format!("`{}` is not in a file beside this one; copy it there", super::shown(uri)));
+    }
+    let decoded = urlencoding::decode(uri)
+        .map_err(|_| format!("`{}` is no URI of a file; write the file again", super::shown(uri)))?;
+    let path = Path::new(&*decoded);
+    if path.is_absolute() || decoded.is_empty() {
+        let shown = super::shown(uri);
+        return Err(format!("`{shown}` is no relative path; put the file beside this one, and name it so"));
+    }
+    Ok(Resource::File(folder.join(path)))
+}
+
+/// The first `length` bytes of a file.
+fn read_file(path: &Path, length: u64) -> Result<Vec<u8>, String> {
+    let shown = path.display();
+    let unreadable = |error| format!("{shown} cannot be read: {error}; put it there");
+    let mut file = File::open(path).map_err(unreadable)?;
+    let metadata = file.metadata().map_err(unreadable)?;
+    if !metadata.is_file() {
+        return Err(format!("{shown} is not a regular file"));
+    }
+    if metadata.len() < length {
+        let has = metadata.len();
+        return Err(format!(
+            "{shown} has {has} bytes, and {length} are declared; it is cut off or another file"
+        ));
+    }
+    let mut bytes = Vec::with_capacity(length as usize);
+    Read::by_ref(&mut file).take(length).read_to_end(&mut bytes).map_err(unreadable)?;
+    Ok(bytes)
+}
+
+/// The data of a file.
+#[derive(Debug)]
+pub(super) struct Data<'a> {
+    folder: PathBuf,
+    binary: Option<&'a [u8]>,
+    /// By buffer; read when first needed.
+    buffers: Vec<Option<Cow<'a, [u8]>>>,
+    decoded: u64,
+    /// Files that were read.
+    pub(super) files: Vec<PathBuf>,
+}
+
+/// Where the elements of an accessor are in its buffer.
+struct Layout {
+    buffer: usize,
+    start: usize,
+    stride: usize,
+    count: usize,
+    element: usize,
+}
+
+impl Layout {
+    /// Bytes of element `i`.
+    fn element<'b>(&self, bytes: &'b [u8], i: usize) -> &'b [u8] {
+        let at = self.start + i * self.stride;
+        &bytes[at..at + self.element]
+    }
+}
+
+fn size_of(kind: DataType) -> usize {
+    match kind {
+        DataType::I8 | DataType::U8 => 1,
+        DataType::I16 | DataType::U16 => 2,
+        DataType::U32 | DataType::F32 => 4,
+    }
+}
+
+/// One number; integers are scaled to `[0, 1]` or `[-1, 1]` where they are `normalized`.
+fn component(kind: DataType, bytes: &[u8], normalized: bool) -> f32 {
+    let at = |i: usize| bytes.get(i).copied().unwrap_or(0);
+    let two = [at(0), at(1)];
+    let four = [at(0), at(1), at(2), at(3)];
+    let (value, most) = match kind {
+        DataType::I8 => (f32::from(at(0) as i8), 127.0),
+        DataType::U8 => (f32::from(at(0)), 255.0),
+        DataType::I16 => (f32::from(i16::from_le_bytes(two)), 32767.0),
+        DataType::U16 => (f32::from(u16::from_le_bytes(two)), 65535.0),
+        DataType::U32 => (u32::from_le_bytes(four) as f32, u32::MAX as f32),
+        DataType::F32 => return f32::from_le_bytes(four),
+    };
+    if normalized { (value / most).max(-1.0) } else { value }
+}
+
+impl<'a> Data<'a> {
+    pub(super) fn new(document: &gltf::Document, binary: Option<&'a [u8]>, folder: &Path) -> Self {
+        let buffers = document.buffers().map(|_| None).collect();
+        Self { folder: folder.to_owned(), binary, buffers, decoded: 0, files: Vec::new() }
+    }
+
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// Makes sure that a buffer is there.
+    fn load(&mut self, buffer: &buffer::Buffer<'_>) -> Result<(), Failure> {
+        let index = buffer.index();
+        if self.buffers[index].is_some() {
+            return Ok(());
+        }
+        let object = super::label("buffers", index, buffer.name());
+        let length = buffer.length();
+        let bytes: Cow<'a, [u8]> = match buffer.source() {
+            buffer::Source::Bin => match self.binary {
+                Some(binary) if index == 0 => Cow::Borrowed(binary),
+                _ => return fail(object, "it has no data: no URI, and the file no binary chunk for it"),
+            },
+            buffer::Source::Uri(uri) => match resolve(uri, &self.folder) {
+                Ok(Resource::Inline(bytes)) => Cow::Owned(bytes),
+                Ok(Resource::File(path)) => {
+                    let bytes = read_file(&path, length as u64).or_else(|problem| fail(&object, problem))?;
+                    self.files.push(path);
+                    Cow::Owned(bytes)
+                }
+                Err(problem) => return fail(object, problem),
+            },
+        };
+        if bytes.len() < length {
+            let problem =
+                format!("{} bytes of data, and {length} are declared; the file is cut off", bytes.len());
+            return fail(object, problem);
+        }
+        self.buffers[index] = Some(bytes);
+        Ok(())
+    }
+
+    fn bytes(&self, buffer: usize) -> &[u8] {
+        self.buffers[buffer].as_deref().unwrap_or_default()
+    }
+
+    /// The bytes of a view.
+    pub(super) fn view(&mut self, view: &buffer::View<'_>) -> Result<&[u8], Failure> {
+        self.load(&view.buffer())?;
+        let (start, length) = (view.offset(), view.length());
+        match start.checked_add(length).and_then(|end| self.bytes(view.buffer().index()).get(start..end)) {
+            Some(bytes) => Ok(bytes),
+            None => fail(
+                super::label("bufferViews", view.index(), view.name()),
+                format!("bytes {start} to {} lie beyond the end of its buffer", start.saturating_add(length)),
+            ),
+        }
+    }
+
+    /// Checks that `count` elements of `element` bytes lie in a view.
+    fn layout(
+        &mut self,
+        view: &buffer::View<'_>,
+        offset: usize,
+        (count, element): (usize, usize),
+        object: &str,
+    ) -> Result<Layout, Failure> {
+        let length = self.view(view)?.len();
+        let stride = view.stride().unwrap_or(element);
+        let last = (count.max(1) - 1).checked_mul(stride);
+        let end = last.and_then(|last| last.checked_add(offset)?.checked_add(element));
+        if stride < element || end.is_none_or(|end| count > 0 && end > length) {
+            let problem = format!(
+                "{count} elements of {element} bytes, {stride} apart from byte {offset}, and its buffer view has {length} \
+                 bytes; the file is damaged"
+            );
+            return fail(object, problem);
+        }
+        Ok(Layout { buffer: view.buffer().index(), start: view.offset() + offset, stride, count, element })
+    }
+
+    /// Calls `take` with the index and the bytes of each element that an accessor has data for, in their order; those that are
+    /// replaced come twice. Elements without data are zero.
+    fn for_each(
+        &mut self,
+        accessor: &gltf::Accessor<'_>,
+        element: usize,
+        mut take: impl FnMut(usize, &[u8]),
+    ) -> Result<(), Failure> {
+        let object = label(accessor);
+        let count = accessor.count();
+        self.decoded = self.decoded.saturating_add((count as u64).saturating_mul(16));
+        if self.decoded > MOST_DECODED {
+            let problem = format!("the meshes of this file take more than {MOST_DECODED} bytes; split it");
+            return fail(object, problem);
+        }
+        if let Some(view) = accessor.view() {
+            let layout = self.layout(&view, accessor.offset(), (count, element), &object)?;
+            let bytes = self.bytes(layout.buffer);
+            (0..layout.count).for_each(|i| take(i, layout.element(bytes, i)));
+        }
+        if let Some(sparse) = accessor.sparse() {
+            let (indices, values) = (sparse.indices(), sparse.values());
+            let kind = match indices.index_type() {
+                gltf::accessor::sparse::IndexType::U8 => DataType::U8,
+                gltf::accessor::sparse::IndexType::U16 => DataType::U16,
+                gltf::accessor::sparse::IndexType::U32 => DataType::U32,
+            };
+            let replaced = sparse.count();
+            let places =
+                self.layout(&indices.view(), indices.offset(), (replaced, size_of(kind)), &object)?;
+            let new = self.layout(&values.view(), values.offset(), (replaced, element), &object)?;
+            for i in 0..replaced {
+                let place = unsigned(kind, places.element(self.bytes(places.buffer), i)) as usize;
+                if place >= count {
+                    return fail(object, format!("its sparse part replaces element {place} of {count}"));
+                }
+                take(place, new.element(self.bytes(new.buffer), i));
+            }
+        }
+        Ok(())
+    }
+
+    /// The number of elements, where memory may be taken for them.
+    fn count(accessor: &gltf::Accessor<'_>) -> Result<usize, Failure> {
+        let count = accessor.count();
+        if accessor.view().is_none() && count as u64 > MOST_ZEROS {
+            let problem = format!("{count} elements without data, and at most {MOST_ZEROS} are read");
+            return fail(label(accessor), problem);
+        }
+        Ok(count)
+    }
+
+    /// Vectors of `N` numbers. Where the accessor has one number less, the last is 1.
+    pub(super) fn vectors<const N: usize>(
+        &mut self,
+        accessor: &gltf::Accessor<'_>,
+    ) -> Result<Vec<[f32; N]>, Failure> {
+        let (kind, has) = (accessor.data_type(), numbers_of(accessor.dimensions()));
+        if has != N && has + 1 != N || N < 2 {
+            return fail(label(accessor), format!("elements of {has} numbers, where {N} are needed"));
+        }
+        let count = Self::count(accessor)?;
+        let (normalized, size) = (accessor.normalized(), size_of(kind));
+        if let Some(view) = accessor.view() {
+            // Before memory is taken.
+            self.layout(&view, accessor.offset(), (count, has * size), &label(accessor))?;
+        }
+        let mut blank = [0.0; N];
+        if has < N {
+            blank[N - 1] = 1.0;
+        }
+        let mut vectors = vec![blank; count];
+        self.for_each(accessor, has * size, |i, bytes| {
+            for (number, bytes) in vectors[i].iter_mut().zip(bytes.chunks_exact(size)) {
+                *number = component(kind, bytes, normalized);
+            }
+        })?;
+        Ok(vectors)
+    }
+
+    /// Indices of vertices.
+    pub(super) fn indices(&mut self, accessor: &gltf::Accessor<'_>) -> Result<Vec<u32>, Failure> {
+        let kind = accessor.data_type();
+        if !matches!(kind, DataType::U8 | DataType::U16 | DataType::U32)
+            || numbers_of(accessor.dimensions()) != 1
+        {
+            return fail(label(accessor), "indices must be single unsigned integers");
+        }
+        let count = Self::count(accessor)?;
+        if let Some(view) = accessor.view() {
+            self.layout(&view, accessor.offset(), (count, size_of(kind)), &label(accessor))?;
+        }
+        let mut indices = vec![0; count];
+        self.for_each(accessor, size_of(kind), |i, bytes| indices[i] = unsigned(kind, bytes))?;
+        Ok(indices)
+    }
+}
+
+fn unsigned(kind: DataType, bytes: &[u8]) -> u32 {
+    let at = |i: usize| bytes.get(i).copied().unwrap_or(0);
+    match kind {
+        DataType::U8 => u32::from(at(0)),
+        DataType::U16 => u32::from(u16::from_le_bytes([at(0), at(1)])),
+        _ => u32::from_le_bytes([at(0), at(1), at(2), at(3)]),
+    }
+}
+
+fn numbers_of(dimensions: Dimensions) -> usize {
+    match dimensions {
+        Dimensions::Scalar => 1,
+        Dimensions::Vec2 => 2,
+        Dimensions::Vec3 => 3,
+        Dimensions::Vec4 | Dimensions::Mat2 => 4,
+        Dimensions::Mat3 => 9,
+        Dimensions::Mat4 => 16,
+    }
+}
+
+/// What messages call an accessor.
+pub(super) fn label(accessor: &gltf::Accessor<'_>) -> String {
+    super::label("accessors", accessor.index(), accessor.name())
+}

@@ -1,0 +1,436 @@
+//! glTF 2.0 and GLB as scenes by themselves. What is done with each feature is in `docs/gltf.md`.
+//!
+//! The JSON is read into the types of the crate `gltf` and checked by it; buffers and accessors are read here, as every length is
+//! to be checked before memory is taken or touched.
+
+mod container;
+mod data;
+mod error;
+mod materials;
+mod nodes;
+mod primitives;
+mod stage;
+#[cfg(test)]
+mod tests;
+
+pub use error::{GltfError, GltfProblem};
+
+use self::data::Data;
+use self::error::{Failure, fail};
+use self::materials::Materials;
+use self::nodes::{Hierarchy, Placed};
+use self::primitives::{PrimitiveReport, ReadPrimitive};
+use self::stage::{Choice, Wishes};
+use super::description::{
+    EmissionDescription, FilmDescription, FilterDescription, GeometryDescription, InstanceDescription,
+    Location, MediumDescription, Named, SceneDescription, SceneWarning, ShapeDescription,
+};
+use super::diagnostic::suggestion;
+use crate::render::Overrides;
+use glam::{DAffine3, DVec3};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Endings of glTF files.
+pub const GLTF_EXTENSIONS: &[&str] = &["gltf", "glb"];
+
+/// Triangles of emitters that nodes place: each is a light of its own wherever it stands.
+const MOST_EMITTING: usize = 1 << 26;
+
+/// Longest name that a message repeats, in characters.
+const SHOWN: usize = 100;
+
+/// Whether a file is glTF by its name.
+pub fn is_gltf_file(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    GLTF_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known))
+}
+
+/// Longest description of a problem, in characters.
+const LONGEST: usize = 500;
+
+/// A text of the file as a message shows it.
+fn shown(text: &str) -> String {
+    cut(text, SHOWN)
+}
+
+fn cut(text: &str, longest: usize) -> String {
+    let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    match text.char_indices().nth(longest) {
+        Some((end, _)) => format!("{} ...", &text[..end]),
+        None => text,
+    }
+}
+
+/// What messages call an object.
+fn label(list: &str, index: usize, name: Option<&str>) -> String {
+    match name {
+        Some(name) => format!("{list}[{index}] `{}`", shown(name)),
+        None => format!("{list}[{index}]"),
+    }
+}
+
+/// What a user may choose about a file.
+struct Parameters<'a> {
+    scene: Option<&'a str>,
+    camera: Option<&'a str>,
+    variant: Option<&'a str>,
+    wishes: Wishes,
+}
+
+impl<'a> Parameters<'a> {
+    fn new(parameters: &'a [(String, String)]) -> Result<Self, Failure> {
+        const NAMES: [&str; 5] = ["scene", "camera", "variant", "ground", "light"];
+        let mut read = Self {
+            scene: None,
+            camera: None,
+            variant: None,
+            wishes: Wishes { ground: Choice::Auto, light: Choice::Auto },
+        };
+        for (name, value) in parameters {
+            let choice = || match value.as_str() {
+                "auto" => Ok(Choice::Auto),
+                "yes" => Ok(Choice::Yes),
+                "no" => Ok(Choice::No),
+                _ => fail("", format!("--set {name}={}: write auto, yes or no", shown(value))),
+            };
+            match name.as_str() {
+                "scene" => read.scene = Some(value),
+                "camera" => read.camera = Some(value),
+                "variant" => read.variant = Some(value),
+                "ground" => read.wishes.ground = choice()?,
+                "light" => read.wishes.light = choice()?,
+                _ => {
+                    let known = suggestion(name, &NAMES);
+                    return fail("", format!("a glTF file has no parameter `{}`; {known}", shown(name)));
+                }
+            }
+        }
+        Ok(read)
+    }
+}
+
+/// The number in `names` that `wanted` means: one of them, or a number from 0.
+fn choose(wanted: &str, names: &[Option<String>], what: &str) -> Result<usize, Failure> {
+    let by_name = names.iter().position(|name| name.as_deref() == Some(wanted));
+    match by_name.or_else(|| wanted.parse().ok().filter(|index| *index < names.len())) {
+        Some(index) => Ok(index),
+        None => {
+            let known: Vec<String> = names
+                .iter()
+                .enumerate()
+                .take(20)
+                .map(|(index, name)| name.as_deref().map_or(index.to_string(), shown))
+                .collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            fail("", format!("there is no {what} `{}`; the file has {known}", shown(wanted)))
+        }
+    }
+}
+
+/// Reads a `.gltf` or `.glb` file as a scene. `parameters` are `scene`, `camera`, `variant` (each a name or a number from 0),
+/// `ground` and `light` (`auto`, `yes` or `no`).
+///
+/// # Errors
+/// Where the file, or another that it needs, cannot be read, is damaged, or asks for what is not there: with file, object,
+/// and what to do.
+pub fn gltf_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, GltfError> {
+    load(path, parameters).map_err(|(object, problem)| GltfError {
+        file: path.to_owned(),
+        object: shown(&object),
+        problem: match problem {
+            GltfProblem::Other(text) => GltfProblem::Other(cut(&text, LONGEST)),
+            other => other,
+        },
+    })
+}
+
+/// The meshes of a file alone, with their materials: for scene files, which have light and camera of their own.
+///
+/// # Errors
+/// As [`gltf_scene`].
+pub(super) fn gltf_model(path: &Path) -> Result<SceneDescription, GltfError> {
+    let nothing = ["ground", "light"].map(|name| (name.to_owned(), "no".to_owned()));
+    gltf_scene(path, &nothing)
+}
+
+/// Files beside this one that it names, as far as they are there.
+pub(super) fn further_files(path: &Path) -> Vec<PathBuf> {
+    let Ok(bytes) = std::fs::read(path) else { return Vec::new() };
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let value =
+        container::split(&bytes).ok().and_then(|parts| serde_json::from_slice::<Value>(parts.json).ok());
+    let uris = ["buffers", "images"].into_iter().flat_map(|list| {
+        let list = value.as_ref().and_then(|value| value.get(list)).and_then(Value::as_array);
+        list.into_iter().flatten().filter_map(|item| item.get("uri").and_then(Value::as_str))
+    });
+    let mut files: Vec<PathBuf> = uris
+        .filter_map(|uri| match data::resolve(uri, folder) {
+            Ok(data::Resource::File(path)) if path.is_file() => Some(path),
+            _ => None,
+        })
+        .collect();
+    files.sort();
+    files.dedup();
+    files
+}
+
+fn load(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, Failure> {
+    let parameters = Parameters::new(parameters)?;
+    let io = |error: std::io::Error| (String::new(), GltfProblem::from(error));
+    if !std::fs::metadata(path).map_err(io)?.is_file() {
+        return fail("", "not a regular file; name a .gltf or .glb file");
+    }
+    let bytes = std::fs::read(path).map_err(io)?;
+    let parts = container::split(&bytes)?;
+    let mut warnings = parts.warnings;
+    let (document, json) = container::parse(parts.json, &mut warnings)?;
+    nodes::check_trees(&document)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let data = Data::new(&document, parts.binary, folder);
+    let mut loader = Loader {
+        document: &document,
+        data,
+        materials: Materials::new(&document, &json),
+        description: blank(path),
+        report: PrimitiveReport::default(),
+        emitting: 0,
+    };
+    let scenes: Vec<_> = document.scenes().map(|scene| scene.name().map(str::to_owned)).collect();
+    let scene = match parameters.scene {
+        Some(wanted) => Some(choose(wanted, &scenes, "scene")?),
+        None => document.default_scene().map(|scene| scene.index()).or((!scenes.is_empty()).then_some(0)),
+    };
+    let hierarchy = nodes::hierarchy(&document, scene);
+    let variants = Variants::new(&json, parameters.variant)?;
+    loader.add_meshes(&hierarchy.meshes, &variants)?;
+    loader.add_camera(&hierarchy, parameters.camera, &mut warnings)?;
+    loader.add_lights(&hierarchy, &mut warnings);
+    warnings.extend(findings(&document, &hierarchy, &loader.report));
+    let Loader { mut description, data, .. } = loader;
+    let location = description.location.clone();
+    let warning = |message| SceneWarning { location: location.clone(), message };
+    description.warnings.extend(warnings.into_iter().map(warning));
+    description.further_files = data.files;
+    description.further_files.sort();
+    description.further_files.dedup();
+    stage::complete(&mut description, parameters.wishes);
+    Ok(description)
+}
+
+/// A scene without anything in it.
+fn blank(path: &Path) -> SceneDescription {
+    let location = Location { file: Arc::new(PathBuf::from(path)), line: 0, column: 0 };
+    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO };
+    SceneDescription {
+        name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        media: vec![Named { name: "air".to_owned(), location: location.clone(), value: air }],
+        location,
+        camera: None,
+        film: FilmDescription {
+            width: 640,
+            height: 480,
+            filter: FilterDescription::Gaussian { radius: 1.5, sigma: 0.5 },
+            exposure: 0.0,
+            white: 0.0,
+        },
+        render: Overrides::default(),
+        textures: Vec::new(),
+        materials: Vec::new(),
+        looks: Vec::new(),
+        shapes: Vec::new(),
+        groups: Vec::new(),
+        instances: Vec::new(),
+        lights: Vec::new(),
+        light_photons: Vec::new(),
+        warnings: Vec::new(),
+        further_files: Vec::new(),
+    }
+}
+
+/// What was left out, one sentence each.
+fn findings(document: &gltf::Document, hierarchy: &Hierarchy, report: &PrimitiveReport) -> Vec<String> {
+    let counts = [
+        (report.other_modes, "primitives of points or lines left out: they have no surface"),
+        (report.empty, "primitives without positions or triangles left out"),
+        (report.morphed, "primitives with morph targets are shown without them"),
+        (hierarchy.skinned, "skinned meshes are shown as they are modelled, not as their joints stand"),
+        (hierarchy.flat, "nodes with a mesh left out, as their transform makes it flat, or is not finite"),
+        (document.animations().len() as u64, "animations not played: nodes stand where the file puts them"),
+    ];
+    let counted =
+        counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
+    counted.chain(report.mesh.findings()).collect()
+}
+
+/// Materials that a variant puts in the place of others (KHR_materials_variants).
+struct Variants<'a> {
+    json: &'a Value,
+    chosen: Option<u64>,
+}
+
+impl<'a> Variants<'a> {
+    fn new(json: &'a Value, wanted: Option<&str>) -> Result<Self, Failure> {
+        let list = json.pointer("/extensions/KHR_materials_variants/variants").and_then(Value::as_array);
+        let name = |variant: &Value| variant.get("name").and_then(Value::as_str).map(str::to_owned);
+        let names: Vec<_> = list.into_iter().flatten().map(name).collect();
+        let chosen = wanted.map(|wanted| choose(wanted, &names, "variant")).transpose()?;
+        Ok(Self { json, chosen: chosen.map(|chosen| chosen as u64) })
+    }
+
+    /// Material of a primitive under the chosen variant.
+    fn material(&self, mesh: usize, primitive: &gltf::Primitive<'_>) -> Option<usize> {
+        let own = primitive.material().index();
+        let Some(chosen) = self.chosen else { return own };
+        let pointer = format!(
+            "/meshes/{mesh}/primitives/{}/extensions/KHR_materials_variants/mappings",
+            primitive.index()
+        );
+        let mappings = self.json.pointer(&pointer).and_then(Value::as_array);
+        let found = mappings.into_iter().flatten().find(|mapping| {
+            let variants = mapping.get("variants").and_then(Value::as_array);
+            variants.into_iter().flatten().any(|variant| variant.as_u64() == Some(chosen))
+        });
+        let material = found.and_then(|mapping| mapping.get("material")?.as_u64());
+        material.and_then(|material| usize::try_from(material).ok()).or(own)
+    }
+}
+
+/// A file on its way to a description.
+struct Loader<'a> {
+    document: &'a gltf::Document,
+    data: Data<'a>,
+    materials: Materials<'a>,
+    description: SceneDescription,
+    report: PrimitiveReport,
+    /// Triangles of emitters so far.
+    emitting: usize,
+}
+
+impl Loader<'_> {
+    /// Adds the meshes of all nodes: one that several nodes show becomes a group that they place.
+    fn add_meshes(&mut self, placed: &[Placed], variants: &Variants<'_>) -> Result<(), Failure> {
+        let mut by_mesh: BTreeMap<usize, Vec<&Placed>> = BTreeMap::new();
+        for node in placed {
+            by_mesh.entry(node.index).or_default().push(node);
+        }
+        for (index, nodes) in by_mesh {
+            let Some(mesh) = self.document.meshes().nth(index) else { continue };
+            let name = label("meshes", index, mesh.name());
+            let location = self.description.location.clone();
+            let group = (nodes.len() > 1).then_some(self.description.groups.len());
+            if group.is_some() {
+                self.description.groups.push(Named {
+                    name: name.clone(),
+                    location: location.clone(),
+                    value: (),
+                });
+                self.description.instances.extend(nodes.iter().map(|node| Named {
+                    name: node.node.clone(),
+                    location: location.clone(),
+                    value: InstanceDescription {
+                        group: self.description.groups.len() - 1,
+                        transform: node.to_world,
+                    },
+                }));
+            }
+            let transform = if group.is_some() { DAffine3::IDENTITY } else { nodes[0].to_world };
+            for primitive in mesh.primitives() {
+                let object = format!("{name}, primitive {}", primitive.index());
+                let read = primitives::read(&mut self.data, &primitive, &object, &mut self.report)?;
+                let Some(ReadPrimitive { mesh: triangles, data }) = read else { continue };
+                let coloured = !data.colours.is_empty();
+                let material = variants.material(index, &primitive);
+                let material =
+                    self.materials.convert(material, coloured, &mut self.data, &mut self.description)?;
+                if material.emission.is_some() {
+                    self.emitting = self.emitting.saturating_add(triangles.triangles.len() * nodes.len());
+                    if self.emitting > MOST_EMITTING {
+                        let problem =
+                            format!("more than {MOST_EMITTING} triangles emit light; reduce the mesh");
+                        return fail(object, problem);
+                    }
+                }
+                let (two_sided, photons) = (material.two_sided, 1.0);
+                let emission =
+                    material.emission.map(|radiance| EmissionDescription { radiance, two_sided, photons });
+                self.description.shapes.push(Named {
+                    name: object,
+                    location: location.clone(),
+                    value: ShapeDescription {
+                        geometry: GeometryDescription::Gltf {
+                            mesh: Arc::new(triangles),
+                            data: Arc::new(data),
+                        },
+                        transform,
+                        flip_normal: false,
+                        material: material.material,
+                        caustic_photons: 1.0,
+                        emission,
+                        group,
+                    },
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// The camera that is wanted, or the first that can be had.
+    fn add_camera(
+        &mut self,
+        hierarchy: &Hierarchy,
+        wanted: Option<&str>,
+        warnings: &mut Vec<String>,
+    ) -> Result<(), Failure> {
+        let cameras: Vec<_> = hierarchy
+            .cameras
+            .iter()
+            .filter_map(|placed| Some((placed, self.document.cameras().nth(placed.index)?)))
+            .collect();
+        let names: Vec<_> = cameras.iter().map(|(_, camera)| camera.name().map(str::to_owned)).collect();
+        let order: Vec<usize> = match wanted {
+            Some(wanted) => vec![choose(wanted, &names, "camera")?],
+            None => (0..cameras.len()).collect(),
+        };
+        for index in order {
+            let (placed, camera) = &cameras[index];
+            match nodes::camera(camera, placed, &self.description.location) {
+                Ok((camera, aspect)) => {
+                    if let Some(aspect) = aspect {
+                        let height = f64::from(self.description.film.width) / f64::from(aspect);
+                        self.description.film.height = height.round().clamp(1.0, 65_536.0) as u32;
+                    }
+                    self.description.camera = Some(camera);
+                    return Ok(());
+                }
+                Err(problem) if wanted.is_some() => return fail("", problem),
+                Err(problem) => warnings.push(problem),
+            }
+        }
+        Ok(())
+    }
+
+    fn add_lights(&mut self, hierarchy: &Hierarchy, warnings: &mut Vec<String>) {
+        let mut spots = 0;
+        for placed in &hierarchy.lights {
+            let Some(light) = self.document.lights().and_then(|mut lights| lights.nth(placed.index)) else {
+                continue;
+            };
+            let (value, is_spot) = nodes::light(&light, placed);
+            spots += u64::from(is_spot);
+            let number = self.description.lights.len();
+            let name = light
+                .name()
+                .map_or_else(|| placed.node.clone(), |name| format!("{} ({number})", shown(name)));
+            self.description.lights.push(Named { name, location: self.description.location.clone(), value });
+            self.description.light_photons.push(1.0);
+        }
+        if spots > 0 {
+            warnings.push(format!(
+                "{spots} spot light(s) shine in all directions: their cones are not modelled yet"
+            ));
+        }
+    }
+}

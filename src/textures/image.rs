@@ -1,0 +1,362 @@
+//! Textures from pictures: texels in levels, each half as large as the one before, filtered when looked up.
+
+use crate::image_io::{self, Image, ImageError};
+use glam::{Vec2, Vec4};
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// Most values (width times height times channels) of a picture that is read as a texture: 2^28, four channels of
+/// 8192 x 8192 texels.
+pub const TEXTURE_LIMIT: u64 = 1 << 28;
+
+/// How coordinates outside of `[0, 1]` are brought back, along one axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// The picture again and again.
+    #[default]
+    Repeat,
+    /// Again and again, every other time mirrored.
+    Mirror,
+    /// The texels of the border.
+    Clamp,
+}
+
+/// How texels become a value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sampler {
+    /// Along u and v.
+    pub wrap: [Wrap; 2],
+    /// The nearest texel, instead of the four around weighted.
+    pub nearest: bool,
+    /// Only the finest level, however small a texel is seen.
+    pub finest: bool,
+}
+
+/// What the numbers of a picture stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Encoding {
+    /// Red, green and blue are encoded by the curve of sRGB (IEC 61966-2-1); alpha is linear.
+    Srgb,
+    /// All channels as they are.
+    Linear,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Texels {
+    /// Eight bits for each channel, in the encoding of the texture.
+    Bytes(Vec<[u8; 4]>),
+    /// Sixteen, always linear: pictures with more than eight.
+    Words(Vec<[u16; 4]>),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Level {
+    width: u32,
+    height: u32,
+    texels: Texels,
+}
+
+/// A texture of four channels between 0 and 1. One channel in the file is grey, a second one alpha; alpha is 1 where there
+/// is none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageTexture {
+    levels: Vec<Level>,
+    encoding: Encoding,
+    least: Vec4,
+    mean: Vec4,
+}
+
+/// Radiance of sRGB's numbers, by byte.
+fn srgb_table() -> &'static [f32; 256] {
+    static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
+    TABLE.get_or_init(|| std::array::from_fn(|byte| decode_srgb(byte as f32 / 255.0)))
+}
+
+fn decode_srgb(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+fn encode_srgb(x: f32) -> f32 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+impl Level {
+    #[inline]
+    fn texel(&self, encoding: Encoding, x: u32, y: u32) -> Vec4 {
+        let index = y as usize * self.width as usize + x as usize;
+        match (&self.texels, encoding) {
+            (Texels::Bytes(texels), Encoding::Linear) => {
+                Vec4::from_array(texels[index].map(f32::from)) * (1.0 / 255.0)
+            }
+            (Texels::Bytes(texels), Encoding::Srgb) => {
+                let [r, g, b, a] = texels[index];
+                let [r, g, b] = [r, g, b].map(|byte| srgb_table()[usize::from(byte)]);
+                Vec4::new(r, g, b, f32::from(a) * (1.0 / 255.0))
+            }
+            (Texels::Words(texels), _) => Vec4::from_array(texels[index].map(f32::from)) * (1.0 / 65535.0),
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        match &self.texels {
+            Texels::Bytes(texels) => size_of_val(texels.as_slice()),
+            Texels::Words(texels) => size_of_val(texels.as_slice()),
+        }
+    }
+
+    /// Means of four texels, or of two where there is but one row or column; an odd last one is dropped, unless it is all
+    /// there is.
+    fn halved(&self, encoding: Encoding) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let mean = |x: u32, y: u32| {
+            let (x0, y0) = ((2 * x).min(self.width - 1), (2 * y).min(self.height - 1));
+            let (x1, y1) = ((x0 + 1).min(self.width - 1), (y0 + 1).min(self.height - 1));
+            let at = |x, y| self.texel(encoding, x, y);
+            (at(x0, y0) + at(x1, y0) + at(x0, y1) + at(x1, y1)) * 0.25
+        };
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let texels = match (&self.texels, encoding) {
+            (Texels::Bytes(_), Encoding::Srgb) => {
+                let encode = |v: Vec4| {
+                    let [r, g, b] = [v.x, v.y, v.z].map(encode_srgb);
+                    [r, g, b, v.w].map(|x| (x * 255.0).round() as u8)
+                };
+                Texels::Bytes(places.map(|(x, y)| encode(mean(x, y))).collect())
+            }
+            (Texels::Bytes(_), Encoding::Linear) => {
+                let round = |v: Vec4| v.to_array().map(|x| (x * 255.0).round() as u8);
+                Texels::Bytes(places.map(|(x, y)| round(mean(x, y))).collect())
+            }
+            (Texels::Words(_), _) => {
+                let round = |v: Vec4| v.to_array().map(|x| (x * 65535.0).round() as u16);
+                Texels::Words(places.map(|(x, y)| round(mean(x, y))).collect())
+            }
+        };
+        Self { width, height, texels }
+    }
+}
+
+/// The index of a texel along an axis of `size` texels.
+#[inline]
+fn wrapped(i: i64, size: u32, wrap: Wrap) -> u32 {
+    let size = i64::from(size);
+    let index = match wrap {
+        Wrap::Repeat => i.rem_euclid(size),
+        Wrap::Mirror => {
+            let twice = i.rem_euclid(2 * size);
+            twice.min(2 * size - 1 - twice)
+        }
+        Wrap::Clamp => i.clamp(0, size - 1),
+    };
+    index as u32
+}
+
+impl ImageTexture {
+    /// Reads a picture file.
+    ///
+    /// # Errors
+    /// As [`image_io::read_with_limit`].
+    pub fn read(path: &Path, encoding: Encoding) -> Result<Self, ImageError> {
+        Ok(Self::new(&image_io::read_with_limit(path, TEXTURE_LIMIT)?, encoding))
+    }
+
+    /// Reads a picture that lies in memory; messages call it `name`.
+    ///
+    /// # Errors
+    /// As [`image_io::read_with_limit`].
+    pub fn from_bytes(bytes: &[u8], name: &Path, encoding: Encoding) -> Result<Self, ImageError> {
+        Ok(Self::new(&image_io::read_bytes(bytes, name, TEXTURE_LIMIT)?, encoding))
+    }
+
+    /// The first layer of a picture. Values out of `[0, 1]` are cut, NaN counts as 0.
+    pub fn new(image: &Image, encoding: Encoding) -> Self {
+        let (data, channels) =
+            image.layers.first().map_or((&[][..], 1), |layer| (&layer.data[..], layer.channels.len().max(1)));
+        let pixel = |pixel: &[f32]| {
+            let at = |i: usize| pixel.get(i).copied().unwrap_or(1.0).clamp(0.0, 1.0);
+            let [grey, second] = [at(0), at(1)];
+            match channels {
+                1 => Vec4::new(grey, grey, grey, 1.0),
+                2 => Vec4::new(grey, grey, grey, second),
+                3 => Vec4::new(grey, second, at(2), 1.0),
+                _ => Vec4::new(grey, second, at(2), at(3)),
+            }
+        };
+        let pixels =
+            || data.chunks_exact(channels).map(pixel).map(|v| v.map(|x| if x.is_nan() { 0.0 } else { x }));
+        // Eight bits are left as they are; anything finer gets sixteen.
+        let is_bytes = pixels().all(|v| ((v * 255.0).round() / 255.0 - v).abs().max_element() < 1e-6);
+        let texels = if is_bytes {
+            Texels::Bytes(pixels().map(|v| v.to_array().map(|x| (x * 255.0).round() as u8)).collect())
+        } else {
+            let linear = |v: Vec4| match encoding {
+                Encoding::Srgb => Vec4::new(decode_srgb(v.x), decode_srgb(v.y), decode_srgb(v.z), v.w),
+                Encoding::Linear => v,
+            };
+            Texels::Words(
+                pixels().map(|v| linear(v).to_array().map(|x| (x * 65535.0).round() as u16)).collect(),
+            )
+        };
+        let mut finest = Level { width: image.width, height: image.height, texels };
+        if finest.width == 0 || finest.height == 0 || data.is_empty() {
+            finest = Level { width: 1, height: 1, texels: Texels::Bytes(vec![[0, 0, 0, 255]]) };
+        }
+        let all = || {
+            let rows = 0..finest.height;
+            rows.flat_map(|y| (0..finest.width).map(move |x| (x, y)))
+                .map(|(x, y)| finest.texel(encoding, x, y))
+        };
+        let least = all().fold(Vec4::ONE, Vec4::min);
+        let sum = all().fold(glam::DVec4::ZERO, |sum, v| sum + v.as_dvec4());
+        let mean = (sum / (f64::from(finest.width) * f64::from(finest.height))).as_vec4();
+        let mut levels = vec![finest];
+        while let Some(last) = levels.last().filter(|last| last.width > 1 || last.height > 1) {
+            let next = last.halved(encoding);
+            levels.push(next);
+        }
+        Self { levels, encoding, least, mean }
+    }
+
+    /// Width and height in texels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.levels[0].width, self.levels[0].height]
+    }
+
+    /// Memory that texels take.
+    pub fn bytes(&self) -> usize {
+        self.levels.iter().map(Level::bytes).sum()
+    }
+
+    /// Smallest value of each channel.
+    pub fn least(&self) -> Vec4 {
+        self.least
+    }
+
+    /// Mean value of each channel.
+    pub fn mean(&self) -> Vec4 {
+        self.mean
+    }
+
+    /// The value at `uv`, whose origin is the upper left corner of the picture. `width` is how many texels of the finest level
+    /// the place that is looked up covers, along a side: up to 1 that level is read, above it the two levels around, weighted.
+    #[inline]
+    pub fn at(&self, uv: Vec2, width: f32, sampler: &Sampler) -> Vec4 {
+        let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
+        let last = self.levels.len() - 1;
+        if sampler.finest || !(width > 1.0) || last == 0 {
+            return self.on_level(0, uv, sampler);
+        }
+        let level = width.log2().min(last as f32);
+        let below = (level as usize).min(last - 1);
+        let (fine, coarse) = (self.on_level(below, uv, sampler), self.on_level(below + 1, uv, sampler));
+        fine.lerp(coarse, level - below as f32)
+    }
+
+    #[inline]
+    fn on_level(&self, level: usize, uv: Vec2, sampler: &Sampler) -> Vec4 {
+        let level = &self.levels[level];
+        let size = [level.width, level.height];
+        let place = |axis: usize| {
+            let x = f64::from(uv[axis]);
+            // Far out only the place within the picture counts; what is left of that is up to the file.
+            let x = match sampler.wrap[axis] {
+                Wrap::Repeat => x - x.floor(),
+                Wrap::Mirror => x - 2.0 * (0.5 * x).floor(),
+                Wrap::Clamp => x.clamp(-1.0, 2.0),
+            };
+            x * f64::from(size[axis])
+        };
+        let at = |x: i64, y: i64| {
+            let (x, y) = (wrapped(x, size[0], sampler.wrap[0]), wrapped(y, size[1], sampler.wrap[1]));
+            level.texel(self.encoding, x, y)
+        };
+        let (x, y) = (place(0), place(1));
+        if sampler.nearest {
+            return at(x.floor() as i64, y.floor() as i64);
+        }
+        let (x, y) = (x - 0.5, y - 0.5);
+        let (x0, y0) = (x.floor(), y.floor());
+        let (s, t) = ((x - x0) as f32, (y - y0) as f32);
+        let (x0, y0) = (x0 as i64, y0 as i64);
+        at(x0, y0).lerp(at(x0 + 1, y0), s).lerp(at(x0, y0 + 1).lerp(at(x0 + 1, y0 + 1), s), t)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image_io::Layer;
+
+    fn image(width: u32, height: u32, channels: &[&str], data: Vec<f32>) -> Image {
+        Image { layers: vec![Layer::new("", channels, data)], ..Image::new(width, height) }
+    }
+
+    const RGB: [&str; 3] = ["R", "G", "B"];
+
+    #[test]
+    fn grey_and_alpha_become_four_channels() {
+        let texture =
+            |channels: &[&str], data| ImageTexture::new(&image(1, 1, channels, data), Encoding::Linear);
+        let at = |texture: ImageTexture| texture.at(Vec2::splat(0.5), 0.0, &Sampler::default());
+        let near = |a: Vec4, b: Vec4| (a - b).abs().max_element() < 2e-5;
+        assert!(near(at(texture(&["Y"], vec![0.2])), Vec4::new(0.2, 0.2, 0.2, 1.0)));
+        assert!(near(at(texture(&["Y", "A"], vec![0.2, 0.6])), Vec4::new(0.2, 0.2, 0.2, 0.6)));
+        assert!(near(at(texture(&RGB, vec![0.2, 0.4, 0.6])), Vec4::new(0.2, 0.4, 0.6, 1.0)));
+        assert!(near(at(texture(&RGB, vec![f32::NAN, -1.0, 7.0])), Vec4::new(0.0, 0.0, 1.0, 1.0)));
+    }
+
+    #[test]
+    fn colours_are_decoded_before_they_are_mixed() {
+        // Black and white: half of the light between them, whatever the encoding.
+        let data = vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
+        for encoding in [Encoding::Srgb, Encoding::Linear] {
+            let texture = ImageTexture::new(&image(2, 1, &RGB, data.clone()), encoding);
+            let sampler = Sampler { wrap: [Wrap::Clamp; 2], ..Sampler::default() };
+            assert!((texture.at(Vec2::splat(0.5), 0.0, &sampler).x - 0.5).abs() < 1e-6);
+            assert!((texture.at(Vec2::splat(0.1), 99.0, &sampler).x - 0.5).abs() < 5e-3);
+            assert!((texture.mean().x - 0.5).abs() < 1e-6 && texture.least().x == 0.0);
+        }
+        let middle = ImageTexture::new(&image(1, 1, &RGB, vec![188.0 / 255.0; 3]), Encoding::Srgb);
+        assert!((middle.mean().x - 0.5029).abs() < 1e-4, "{}", middle.mean());
+    }
+
+    #[test]
+    fn coordinates_wrap_as_asked() {
+        let data = (0..4).map(|x| x as f32 / 3.0).collect();
+        let texture = ImageTexture::new(&image(4, 1, &["Y"], data), Encoding::Linear);
+        let look = |x: f32, wrap| {
+            let sampler = Sampler { wrap: [wrap; 2], nearest: true, finest: true };
+            (texture.at(Vec2::new(x, 0.3), 1e9, &sampler).x * 3.0).round() as i32
+        };
+        let xs = [-1.1, -0.9, -0.1, 0.1, 0.9, 1.1, 1.9, 2.1];
+        assert_eq!(xs.map(|x| look(x, Wrap::Repeat)), [3, 0, 3, 0, 3, 0, 3, 0]);
+        assert_eq!(xs.map(|x| look(x, Wrap::Mirror)), [3, 3, 0, 0, 3, 3, 0, 0]);
+        assert_eq!(xs.map(|x| look(x, Wrap::Clamp)), [0, 0, 0, 0, 3, 3, 3, 3]);
+        for x in [f32::NAN, f32::INFINITY, 1e30, -1e30] {
+            for wrap in [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp] {
+                assert!((0..4).contains(&look(x, wrap)));
+            }
+        }
+    }
+
+    #[test]
+    fn levels_keep_the_mean_and_mix_evenly() {
+        let data: Vec<f32> =
+            (0..64u32 * 64).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as f32 / 255.0).collect();
+        let texture = ImageTexture::new(&image(64, 64, &["Y"], data), Encoding::Linear);
+        assert_eq!((texture.levels.len(), texture.size()), (7, [64, 64]));
+        assert!(texture.bytes() < 64 * 64 * 4 * 4 / 3 + 16);
+        let coarse = texture.at(Vec2::new(0.3, 0.7), 64.0, &Sampler::default()).x;
+        assert!((coarse - texture.mean().x).abs() < 0.02, "{coarse} {}", texture.mean());
+        // Between two levels, half of each.
+        let at = |width: f32| texture.at(Vec2::new(0.31, 0.62), width, &Sampler::default()).x;
+        assert!((at(2f32.powf(2.5)) - 0.5 * (at(4.0) + at(8.0))).abs() < 1e-5);
+        assert_eq!(at(1.0), at(0.0));
+    }
+
+    #[test]
+    fn sixteen_bits_stay() {
+        let texture = ImageTexture::new(&image(1, 1, &["Y"], vec![0.123_45]), Encoding::Linear);
+        assert!((texture.mean().x - 0.123_45).abs() < 1e-5);
+    }
+}
