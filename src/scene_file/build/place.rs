@@ -96,7 +96,7 @@ impl Source {
                 before = *fitted;
                 Self::mesh(mesh)
             }
-            GeometryDescription::Gltf { mesh, .. } => Self::Mesh(TriangleMesh::clone(mesh)),
+            GeometryDescription::Gltf { mesh, .. } => Self::mesh(TriangleMesh::clone(mesh)),
             GeometryDescription::Mesh { positions, triangles, normals } => {
                 let positions = Positions::Double(positions.iter().map(DVec3::to_array).collect());
                 let mut mesh =

@@ -360,6 +360,7 @@ impl Loader<'_> {
                     name: object,
                     location: location.clone(),
                     value: ShapeDescription {
+                        illumination: None,
                         geometry: GeometryDescription::Gltf {
                             mesh: Arc::new(triangles),
                             data: Arc::new(data),
@@ -412,25 +413,18 @@ impl Loader<'_> {
         Ok(())
     }
 
-    fn add_lights(&mut self, hierarchy: &Hierarchy, warnings: &mut Vec<String>) {
-        let mut spots = 0;
+    fn add_lights(&mut self, hierarchy: &Hierarchy) {
         for placed in &hierarchy.lights {
             let Some(light) = self.document.lights().and_then(|mut lights| lights.nth(placed.index)) else {
                 continue;
             };
-            let (value, is_spot) = nodes::light(&light, placed);
-            spots += u64::from(is_spot);
+            let value = nodes::light(&light, placed);
             let number = self.description.lights.len();
             let name = light
                 .name()
                 .map_or_else(|| placed.node.clone(), |name| format!("{} ({number})", shown(name)));
             self.description.lights.push(Named { name, location: self.description.location.clone(), value });
             self.description.light_photons.push(1.0);
-        }
-        if spots > 0 {
-            warnings.push(format!(
-                "{spots} spot light(s) shine in all directions: their cones are not modelled yet"
-            ));
         }
     }
 }

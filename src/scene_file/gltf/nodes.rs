@@ -4,6 +4,7 @@ use super::error::{Failure, fail};
 use super::materials::LUMENS_PER_WATT;
 use crate::scene_file::description::{CameraDescription, FovAxis, LightDescription, Location};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+use std::f64::consts::FRAC_PI_2;
 use gltf::khr_lights_punctual::Kind;
 use gltf::scene::Transform;
 
@@ -141,33 +142,27 @@ pub(super) fn camera(
     let step = 1f64.max(1e-3 * eye.length());
     let at = eye + forward * step;
     let description =
-        CameraDescription { location: location.clone(), eye, at, up, fov, fov_axis: FovAxis::Vertical };
+        CameraDescription { location: location.clone(), eye, at, up, fov, fov_axis: FovAxis::Vertical, lens: None };
     Ok((description, lens.aspect_ratio().filter(|aspect| aspect.is_finite() && *aspect > 0.0)))
 }
 
-/// A light of KHR_lights_punctual, its candela and lux made W/sr and W/m^2; whether it was a spot light.
-pub(super) fn light(
-    light: &gltf::khr_lights_punctual::Light<'_>,
-    placed: &Placed,
-) -> (LightDescription, bool) {
+/// A light of KHR_lights_punctual, its candela and lux made W/sr and W/m^2. It shines along the node's -z.
+pub(super) fn light(light: &gltf::khr_lights_punctual::Light<'_>, placed: &Placed) -> LightDescription {
     let colour = DVec3::from_array(light.color().map(f64::from)).max(DVec3::ZERO);
     let strength = colour * (f64::from(light.intensity()).max(0.0) / LUMENS_PER_WATT);
     let strength = if strength.is_finite() { strength } else { DVec3::ZERO };
     let position = placed.to_world.translation;
+    let direction = rotation(&placed.to_world.matrix3) * DVec3::NEG_Z;
     match light.kind() {
-        Kind::Directional => {
-            let direction = rotation(&placed.to_world.matrix3) * DVec3::NEG_Z;
-            (LightDescription::Directional { direction, irradiance: strength }, false)
+        Kind::Directional => LightDescription::Directional { direction, irradiance: strength },
+        Kind::Point => LightDescription::Point { position, intensity: strength },
+        Kind::Spot { inner_cone_angle, outer_cone_angle } => {
+            // The extension asks for 0 <= inner < outer <= pi / 2.
+            let outer = f64::from(outer_cone_angle).clamp(0.0, FRAC_PI_2);
+            let inner = f64::from(inner_cone_angle).clamp(0.0, outer);
+            LightDescription::Spot { position, direction, intensity: strength, inner, outer }
         }
-        Kind::Point => (LightDescription::Point { position, intensity: strength }, false),
-        Kind::Spot { .. } => (spot_light(position, strength), true),
     }
-}
-
-/// The one place that makes spot lights, given position and intensity on the axis; cone angles are in `Kind::Spot`, the axis
-/// is the node's -z. Until there are such lights this one shines in all directions, of which the loader warns.
-fn spot_light(position: DVec3, intensity: DVec3) -> LightDescription {
-    LightDescription::Point { position, intensity }
 }
 
 /// Without what scales.

@@ -152,7 +152,16 @@ fn exposure(description: &SceneDescription, bounds: &Bounds3) -> f64 {
                 let distance = (*position - bounds.center()).length().max(0.5 * bounds.radius());
                 intensity.max_element() / (distance * distance)
             }
+            // As bright as where it shines.
+            LightDescription::Spot { position, intensity, .. } => {
+                let distance = (*position - bounds.center()).length().max(0.5 * bounds.radius());
+                intensity.max_element() / (distance * distance)
+            }
             LightDescription::Directional { irradiance, .. } => irradiance.max_element(),
+            // Files of glTF have none of these.
+            LightDescription::EnvironmentMap { .. }
+            | LightDescription::Sky { .. }
+            | LightDescription::Profile { .. } => 0.0,
             LightDescription::Environment { radiance } => radiance.max_element() * std::f64::consts::PI,
         })
         .sum();
@@ -180,6 +189,7 @@ fn framing(bounds: &Bounds3, aspect: f64, location: &Location) -> CameraDescript
     });
     let distance = distance.fold(0.0, f64::max);
     CameraDescription {
+        lens: None,
         location: location.clone(),
         eye: center + towards * distance,
         at: center,
@@ -194,6 +204,7 @@ fn within(bounds: &Bounds3, location: &Location) -> CameraDescription {
     let size = bounds.max - bounds.min;
     let point = |x: f64, y: f64, z: f64| bounds.min + size * DVec3::new(x, y, z);
     CameraDescription {
+        lens: None,
         location: location.clone(),
         eye: point(0.8, 0.4, 0.85),
         at: point(0.35, 0.33, 0.2),
@@ -242,6 +253,7 @@ fn add_shape(
         name: name.to_owned(),
         location: location.clone(),
         value: ShapeDescription {
+            illumination: None,
             geometry,
             transform: DAffine3::IDENTITY,
             flip_normal: false,
