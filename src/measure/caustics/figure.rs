@@ -227,9 +227,9 @@ impl CausticFigure {
         const LEFT: f64 = 60.0;
         const STEP: f64 = 300.0;
         let (last, top) = (self.places.last().copied().unwrap_or(1.0), 0.3);
-        let mut text = format!(
+        let mut text = String::from(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"720\" height=\"630\" viewBox=\"0 0 720 630\" \
-             font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n"
+             font-family=\"sans-serif\" font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
         );
         for (number, (title, rows)) in PANELS.into_iter().enumerate() {
             let low = 280.0 + STEP * number as f64;

@@ -207,7 +207,7 @@ fn load(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription
     let variants = Variants::new(&json, parameters.variant)?;
     loader.add_meshes(&hierarchy.meshes, &variants)?;
     loader.add_camera(&hierarchy, parameters.camera, &mut warnings)?;
-    loader.add_lights(&hierarchy, &mut warnings);
+    loader.add_lights(&hierarchy);
     warnings.extend(findings(&document, &hierarchy, &loader.report));
     let Loader { mut description, data, .. } = loader;
     let location = description.location.clone();

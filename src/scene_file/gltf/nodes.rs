@@ -4,9 +4,9 @@ use super::error::{Failure, fail};
 use super::materials::LUMENS_PER_WATT;
 use crate::scene_file::description::{CameraDescription, FovAxis, LightDescription, Location};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
-use std::f64::consts::FRAC_PI_2;
 use gltf::khr_lights_punctual::Kind;
 use gltf::scene::Transform;
+use std::f64::consts::FRAC_PI_2;
 
 /// A mesh, camera or light of a node, by its index, with the node's name and its place in the world.
 #[derive(Clone, Debug)]
@@ -141,8 +141,15 @@ pub(super) fn camera(
     // Rounding leaves nothing of a step of 1 far from the origin.
     let step = 1f64.max(1e-3 * eye.length());
     let at = eye + forward * step;
-    let description =
-        CameraDescription { location: location.clone(), eye, at, up, fov, fov_axis: FovAxis::Vertical, lens: None };
+    let description = CameraDescription {
+        location: location.clone(),
+        eye,
+        at,
+        up,
+        fov,
+        fov_axis: FovAxis::Vertical,
+        lens: None,
+    };
     Ok((description, lens.aspect_ratio().filter(|aspect| aspect.is_finite() && *aspect > 0.0)))
 }
 
