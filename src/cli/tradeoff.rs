@@ -128,7 +128,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<ExitCode> {
     let start = Instant::now();
     let console = Console::new(args.quiet, None);
     console.busy("reading and building the scene");
-    let loaded = load(&args.scene, &|| console.finish());
+    let loaded = load(&args.scene, &console, &|| console.finish());
     console.finish();
     let loaded = loaded?;
     let folder = args.output.clone().unwrap_or_else(|| {
