@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn a_turn_is_counter_clockwise_from_above() {
         let light = EnvironmentLight::of_map(
-            Arc::new(lobe(64, Vec3::NEG_Z, 30)),
+            Arc::new(lobe(256, Vec3::NEG_Z, 30)),
             std::f64::consts::FRAC_PI_2,
             Rgb::ONE,
         );

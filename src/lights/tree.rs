@@ -475,7 +475,8 @@ mod tests {
         let tree = LightTree::new(&lights).unwrap();
         let at = Receiver { position: Vec3::new(500.0, 0.5, 0.0), normal: Vec3::Y * -1.0 };
         let near: f32 = (498..=502).map(|light| tree.probability(&at, light)).sum();
-        assert!(near > 0.5, "{near}");
+        // Fifty times their share of the power.
+        assert!(near > 0.25, "{near}");
         let up = Receiver { normal: Vec3::Y, ..at };
         assert!(tree.sample(&up, 0.3).is_none(), "all are below the horizon");
     }
