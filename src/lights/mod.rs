@@ -29,6 +29,10 @@ pub type LightId = u32;
 
 /// A light.
 #[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "lights are few, and a box would be one step more for every sample"
+)]
 pub enum Light {
     /// A surface that emits.
     Area(AreaLight),
