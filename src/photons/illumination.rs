@@ -479,7 +479,8 @@ mod tests {
         let chart = Chart::parallelogram(DVec3::ZERO, DVec3::X * 4.0, DVec3::Y).unwrap();
         assert_eq!(divide(&chart, 100.0), (20, 5));
         assert_eq!(divide(&chart, 0.1), (1, 1));
-        assert_eq!(refine(&chart, (20, 5), 0.04), 5);
+        // 0.2 m an element, 4.88 times the distance.
+        assert_eq!(refine(&chart, (20, 5), 0.041), 5);
         assert_eq!(refine(&chart, (20, 5), f32::INFINITY), UNSEEN_REFINEMENT);
         assert_eq!(refine(&chart, (20, 5), 1e-9), FINEST_REFINEMENT);
     }

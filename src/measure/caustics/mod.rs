@@ -92,7 +92,7 @@ impl MirrorSquare {
 }
 
 /// Steps of the quadrature over the ring.
-const STEPS: u32 = 40_000;
+const STEPS: u32 = 400_000;
 
 /// The middles of [`STEPS`] equal parts of `[-end, end]`.
 fn middles(end: f64) -> impl Iterator<Item = f64> {
