@@ -46,6 +46,8 @@ pair "accurate below a small distance" cornell-diffuse accurate-distance 0 0.02
 pair "approximate below a small weight" cornell-spheres approximate-weight 0 0.01
 pair "visible kernel" cornell-diffuse visible-kernel false true
 pair "" cardioid visible-kernel false true
+pair "caustic estimates shared within pixels" cornell-spheres caustic-reuse 0 0.2
+pair "" cardioid caustic-reuse 0 0.2
 row "directions guided by photons" cornell-diffuse "none, no cache" --irradiance-cache false
 row "" cornell-diffuse "photons, no cache" --irradiance-cache false --guide photons
 row "" cornell-diffuse "none, paths" --integrator path --spp 64

@@ -43,4 +43,5 @@ How to read it:
 END
 
 echo
+benches/jensen96.sh
 benches/figures.sh

@@ -310,7 +310,7 @@ fn a_render_writes_what_it_says() {
     assert!(png.layers[0].data.iter().any(|&v| v > 0.0));
 
     let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
-    assert_eq!(stats["schema"], 1);
+    assert_eq!(stats["schema"], 2);
     for field in [
         "scene",
         "settings",

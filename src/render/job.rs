@@ -16,7 +16,7 @@ use crate::integrators::{
     Scratch, ShadowCounters, ShowClasses, ShowPhotons,
 };
 use crate::math::Rgb;
-use crate::sampling::SampleStream;
+use crate::sampling::{SampleStream, place_in_pixel};
 use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
@@ -568,11 +568,13 @@ impl PixelPass<'_> {
         let scale = 1.0 / self.scene.space().power;
         for (x, y) in rendered.rect.pixels() {
             scratch.begin_pixel();
+            let pixel = u64::from(y) * u64::from(width) + u64::from(x);
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
             let mut moments = Moments::default();
             for index in samples(x, y) {
-                let mut stream = SampleStream::of_pixel(seed, (x, y), first.wrapping_add(index), most);
-                let filtered = self.sampler.sample(stream.next_2d());
+                let index = first.wrapping_add(index);
+                let mut stream = SampleStream::new(seed, pixel, index);
+                let filtered = self.sampler.sample(place_in_pixel(seed, (x, y), index, most));
                 let position = (center + filtered.offset) / size;
                 // A pinhole takes no numbers for a lens.
                 let ray = match self.camera.lens() {

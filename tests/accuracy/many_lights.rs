@@ -71,7 +71,7 @@ fn the_tree_agrees_with_the_plain_loop() {
     let all = hall(0..COUNT);
     assert!(all.scene().light_choice().each().is_empty() && all.scene().light_choice().groups().len() == 1);
     let settings = Overrides { spp: Some(64), max_depth: Some(1), ..path() };
-    let tree = mean(&all, 32, "direct", &settings);
+    let tree = mean(&all, 8, "direct", &settings);
     let (mut sum, mut variance) = (0.0, 0.0);
     for part in 0..COUNT / 8 {
         let stage = hall(8 * part..8 * part + 8);
