@@ -94,7 +94,7 @@ fn parts_of_two_golden_balls() {
     let balls = [(gold(0.1), [-0.45, 0.45, -0.3], 0.4), (gold(0.4), [0.45, 0.45, -0.3], 0.4)];
     let balls: Vec<_> =
         balls.iter().map(|(text, center, radius)| (text.as_str(), *center, *radius)).collect();
-    assert_agreement("golden balls", &box_with(WHITE, &balls), 112, 0.02);
+    assert_agreement("golden balls", &box_with(WHITE, &balls), 256, 0.02);
 }
 
 /// Caustics of glass are what paths are noisiest in.
@@ -113,8 +113,8 @@ fn rough_goes_over_to_smooth() {
     let shot = |ball: &str, spp| box_with(WHITE, &[(ball, [0.0, 0.55, -0.3], 0.45)]).shoot(&settings(spp));
     // The lamp is seen in glass by four rays in a hundred.
     let glass =
-        |roughness: &str| shot(&format!("type = \"dielectric\"\nior = 1.5\nroughness = {roughness}"), 192);
-    let smooth = shot("type = \"dielectric\"\nior = 1.5", 192);
+        |roughness: &str| shot(&format!("type = \"dielectric\"\nior = 1.5\nroughness = {roughness}"), 384);
+    let smooth = shot("type = \"dielectric\"\nior = 1.5", 384);
     assert_eq!(glass("1e-8").layer("beauty"), smooth.layer("beauty"));
     let metal =
         |roughness: &str| shot(&format!("type = \"conductor\"\ncolour = 0.9\nroughness = {roughness}"), 32);
