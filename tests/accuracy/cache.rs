@@ -152,7 +152,11 @@ fn too_few_photons_are_replaced_by_sampling() {
 #[test]
 fn corners_are_computed_and_faint_paths_looked_up() {
     let stage = Stage::load("cornell-spheres", (32, 32));
-    let truth = stage.shoot(&Overrides { spp: Some(512), ..path() });
+    // One such picture is off by some 4 %.
+    let runs: Vec<[f64; 3]> = (0..8)
+        .map(|seed| stage.shoot(&Overrides { spp: Some(512), seed: Some(seed), ..path() }).mean("indirect"))
+        .collect();
+    let truth = [0, 1, 2].map(|channel| runs.iter().map(|run| run[channel]).sum::<f64>() / 8.0);
     let at = |accurate_distance, approximate_weight| {
         let overrides = Overrides {
             spp: Some(16),
@@ -174,7 +178,7 @@ fn corners_are_computed_and_faint_paths_looked_up() {
     // Few pixels of the green wall carry the green light. Caustics seen through glass are too noisy in path tracing: what the
     // decisions change of them is measured against the same maps.
     for shot in [&none, &corners, &faint] {
-        assert_close("indirect", shot.mean("indirect"), truth.mean("indirect"), 0.06);
+        assert_close("indirect", shot.mean("indirect"), truth, 0.06);
         assert_close("specular", shot.mean("specular"), none.mean("specular"), 0.03);
     }
     // Recursion lengthens the paths of image-sampling rays.

@@ -24,7 +24,7 @@ const FEWEST: u32 = 16;
 
 impl Narrowing {
     /// That of a round whose discs have `area` of the first round's, in (0, 1], where the first took `nearest` photons; and
-    /// the photons that set the radius. They number as many as are expected within the disc, or [`FEWEST`].
+    /// the photons that set the radius. They number as many as are expected within the disc, or a few where that is less.
     pub fn by_area(area: f64, nearest: u32) -> (Self, u32) {
         let wanted = area * f64::from(nearest);
         let photons = (wanted.ceil() as u32).clamp(FEWEST.min(nearest), nearest).max(1);
