@@ -25,11 +25,6 @@ pub(super) fn pilot_samples(spp: u32) -> u32 {
     (spp / 4).max(2).min(spp)
 }
 
-/// Most samples of a pixel where there are `spp` on average.
-pub(super) fn most_samples(spp: u32) -> u32 {
-    spp.saturating_mul(MOST as u32)
-}
-
 /// Sums of the luminance of a pixel's samples.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moments {

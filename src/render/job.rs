@@ -1,6 +1,6 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
-use super::adaptive::{Moments, SampleCounts, most_samples, pilot_samples};
+use super::adaptive::{Moments, SampleCounts, pilot_samples};
 use super::maps::{ForPicture, PassOne, build_maps_from, is_worth_a_warning};
 use super::memory::{MemoryError, resident_memory};
 use super::observer::Observer;
@@ -16,7 +16,7 @@ use crate::integrators::{
     Scratch, ShadowCounters, ShowClasses, ShowPhotons,
 };
 use crate::math::Rgb;
-use crate::sampling::{SampleStream, place_in_pixel};
+use crate::sampling::SampleStream;
 use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
@@ -164,7 +164,6 @@ pub fn render_with_maps(
         let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     }
-    let most = if settings.adaptive { most_samples(settings.spp) } else { settings.spp };
     let pass_two = PassTwo {
         scene,
         camera,
@@ -173,7 +172,7 @@ pub fn render_with_maps(
         plan: &plan,
         maps: &pass_one.maps,
         reading: settings.photon_map_settings(scene),
-        samples: CameraSamples { seed: settings.seed, first: 0, most },
+        samples: CameraSamples { seed: settings.seed, first: 0 },
         observer,
     };
     let Some(taken) = pass_two.run(&mut film)? else {
@@ -194,8 +193,6 @@ pub fn render_with_maps(
 pub(super) struct CameraSamples {
     pub(super) seed: u64,
     pub(super) first: u32,
-    /// Samples of a pixel in all, at most; or about that: more than these repeat the points of pixels nearby.
-    pub(super) most: u32,
 }
 
 /// Pass 2: the irradiance cache, where there is one, and pixels.
@@ -562,7 +559,7 @@ impl PixelPass<'_> {
         scratch: &mut Scratch,
     ) {
         let (width, height) = (self.request.width, self.request.height);
-        let CameraSamples { seed, first, most } = self.samples;
+        let CameraSamples { seed, first } = self.samples;
         let size = Vec2::new(width as f32, height as f32);
         // Back from render space; a power of two, so nothing is rounded.
         let scale = 1.0 / self.scene.space().power;
@@ -574,7 +571,7 @@ impl PixelPass<'_> {
             for index in samples(x, y) {
                 let index = first.wrapping_add(index);
                 let mut stream = SampleStream::new(seed, pixel, index);
-                let filtered = self.sampler.sample(place_in_pixel(seed, (x, y), index, most));
+                let filtered = self.sampler.sample(stream.next_2d());
                 let position = (center + filtered.offset) / size;
                 // A pinhole takes no numbers for a lens.
                 let ray = match self.camera.lens() {

@@ -14,7 +14,7 @@ pub mod warp;
 pub use distribution::{Distribution1D, Distribution2D};
 pub use rng::{Rng, Stream, mix};
 pub use roulette::chain_roulette;
-pub use samples::{SampleStream, Splits, place_in_pixel, refined};
+pub use samples::{SampleStream, Splits, refined};
 pub use sobol::{SOBOL_DIMENSIONS, Sobol, SobolSet};
 pub use sphere_density::{Corners, SphereDensity, direction_to_square, square_to_direction};
 

@@ -20,8 +20,6 @@ pub enum Stream {
     ShadowPhotons = 17,
     /// Paths that tell how much each light contributes.
     LightImportance = 18,
-    /// Where in their pixels camera samples lie.
-    PlaceInPixel = 19,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

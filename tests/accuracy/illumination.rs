@@ -93,6 +93,7 @@ fn quick() -> Overrides {
 /// bound.
 #[test]
 fn both_kinds_of_maps_show_the_same_light() {
+    let quick = || Overrides { spp: Some(16), ..quick() };
     let photons = room("").shoot(&quick());
     let many = room("").shoot(&Overrides { caustic_photons: Some(1_000_000), ..quick() });
     assert!(photons.statistics.illumination.is_none());

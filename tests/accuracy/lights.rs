@@ -257,7 +257,7 @@ fn photon_map_and_paths_agree_under_a_map() {
         environment(&path_of_map, "")
     );
     let stage = Stage::new(&text, (32, 32));
-    let by_paths = stage.shoot(&Overrides { spp: Some(768), ..path() });
+    let by_paths = stage.shoot(&Overrides { spp: Some(2048), ..path() });
     let by_photons = stage.shoot(&Overrides {
         spp: Some(64),
         global_photons: Some(100_000),

@@ -49,8 +49,7 @@ pub(super) fn camera_samples(seed: u64, round: u64, spp: u32) -> CameraSamples {
         (0, 0) => seed,
         (half, set) => mix(mix(seed ^ 0x6861_6c66).wrapping_add(2 * set + half)),
     };
-    // How many rounds there will be nobody knows.
-    CameraSamples { seed, first, most: 1 << 16 }
+    CameraSamples { seed, first }
 }
 
 #[cfg(test)]
@@ -80,7 +79,7 @@ mod tests {
         let mut taken = BTreeSet::new();
         let late = (1u64 << 31) / 3 * 2;
         for round in (0..100).chain(late..late + 100) {
-            let CameraSamples { seed, first, .. } = camera_samples(1, round, 3);
+            let CameraSamples { seed, first } = camera_samples(1, round, 3);
             for i in 0..3 {
                 assert!(taken.insert((seed, first.wrapping_add(i))), "round {round}");
             }
