@@ -108,7 +108,9 @@ pub fn render(
 }
 
 /// [`render`], with the photons of `saved`, which must have been checked to be those of this scene and these settings
-/// ([`SavedMaps::check`]), in place of traced ones: the same picture to the bit.
+/// ([`SavedMaps::check`]), in place of traced ones: the same picture to the bit, but
+/// for scenes whose photons would be shared out by what the camera sees ([`RenderPlan::photon_budget`]). A file is not made for
+/// a camera: its photons are shared out by flux, which a warning says.
 ///
 /// # Errors
 /// As [`render`].
@@ -158,6 +160,13 @@ pub fn render_with_maps(
     if sums_up && reads.is_some() {
         pass_one.warnings.push(
             "with photons of a file there are no illumination maps: what has one is read from the photon maps".to_owned(),
+        );
+    }
+    if plan.photon_budget.build && reads.is_some() {
+        pass_one.warnings.push(
+            "photons of a file are shared out by the flux of lights, not by what this camera sees of them: many lights are \
+             noisier than with photons traced for the picture"
+                .to_owned(),
         );
     }
     if pass_one.cancelled {

@@ -253,7 +253,12 @@ impl MapBuilder<'_> {
                     &template,
                     &reading.global,
                     IRRADIANCE_STRIDE,
-                    |at, normal, radius| visible_domain(self.scene, at, normal, radius),
+                    |at, normal, radius| {
+                        reading
+                            .visible_kernel
+                            .then(|| visible_domain(self.scene, at, normal, radius))
+                            .flatten()
+                    },
                     &|| self.observer.is_cancelled(),
                 )?);
                 self.pass.seconds_irradiance = begun.elapsed().as_secs_f64();

@@ -74,9 +74,13 @@ impl PhotonSettings {
 
 /// The settings that precomputed irradiance depends on, as text: equal text, equal irradiance.
 fn irradiance_key(settings: &Settings) -> String {
-    let Settings { global_nearest, global_radius, estimator, search, differential_check, .. } = *settings;
+    let Settings {
+        global_nearest, global_radius, estimator, search, differential_check, visible_kernel, ..
+    } = *settings;
     let radius = global_radius.map(f64::to_bits);
-    format!("{global_nearest} {radius:?} {estimator:?} {search:?} {differential_check} {IRRADIANCE_STRIDE}")
+    format!(
+        "{global_nearest} {radius:?} {estimator:?} {search:?} {differential_check} {visible_kernel} {IRRADIANCE_STRIDE}"
+    )
 }
 
 /// The description at the head of a file.

@@ -108,13 +108,14 @@ fn the_mean_stays() {
     assert!(error < 0.02 * mean);
 }
 
-/// Half of the error at equal samples, where a tenth of the picture is noisy.
+/// Half of the error at equal samples, where a tenth of the picture is noisy: a quarter at 16 samples in the mean over seeds,
+/// and three fifths at 8, of which two are a pilot that a thin edge can slip through.
 #[test]
 fn noise_falls_where_it_was() {
     let stage = shadow((64, 64));
     let reference = stage.shoot(&Overrides { spp: Some(1024), seed: Some(9), ..path() });
-    let error = |settings: Overrides| {
-        let shot = stage.shoot(&settings);
+    let error = |settings: &Overrides, seed: u64| {
+        let shot = stage.shoot(&Overrides { seed: Some(seed), ..settings.clone() });
         let pairs = shot.layer("beauty").iter().zip(reference.layer("beauty"));
         let sum: f64 = pairs
             .map(|(a, b)| {
@@ -124,8 +125,9 @@ fn noise_falls_where_it_was() {
             .sum();
         sum / shot.layer("beauty").len() as f64
     };
-    let plain = Overrides { spp: Some(8), ..path() };
-    let (uniform, adaptive) = (error(plain.clone()), error(by_variance(plain)));
+    let mean = |settings: Overrides| (0..4).map(|seed| error(&settings, seed)).sum::<f64>() / 4.0;
+    let plain = Overrides { spp: Some(16), ..path() };
+    let (uniform, adaptive) = (mean(plain.clone()), mean(by_variance(plain)));
     println!("uniform {uniform:.3e}, by variance {adaptive:.3e}");
-    assert!(adaptive < 0.6 * uniform, "{adaptive}, not well below {uniform}");
+    assert!(adaptive < 0.5 * uniform, "{adaptive}, not half of {uniform}");
 }

@@ -332,7 +332,7 @@ impl Run<'_> {
         film.add(&odd)?;
         numbers.counters = header.counters;
         numbers.complete(&film, job.scene);
-        warn(&mut numbers, &rounds, settings);
+        warn(&mut numbers, &rounds, settings, job.scene.has_illumination_maps());
         numbers.rounds = Some(rounds);
         let stopped = match (stopped, done) {
             (false, _) => None,
@@ -367,7 +367,12 @@ impl Statistics {
     }
 }
 
-fn warn(numbers: &mut Statistics, rounds: &RoundStatistics, settings: &Settings) {
+fn warn(
+    numbers: &mut Statistics,
+    rounds: &RoundStatistics,
+    settings: &Settings,
+    has_illumination_maps: bool,
+) {
     let mut warnings = Vec::new();
     if let (Some(target), Some(error)) = (rounds.target_error, &rounds.error)
         && error.error > target
@@ -387,6 +392,17 @@ fn warn(numbers: &mut Statistics, rounds: &RoundStatistics, settings: &Settings)
         warnings.push(
             "decisions by shadow photons keep their error however many rounds there are; leave them out for pictures that \
              converge"
+                .to_owned(),
+        );
+    }
+    if settings.adaptive {
+        warnings
+            .push("rounds take as many samples of every pixel: --adaptive has no effect in them".to_owned());
+    }
+    if settings.illumination_maps && has_illumination_maps {
+        warnings.push(
+            "illumination maps keep the size of their bins however many rounds there are: rounds read photon maps in their \
+             place"
                 .to_owned(),
         );
     }
