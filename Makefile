@@ -3,7 +3,7 @@
 SCENE := scenes/cornell-spheres.toml
 PICTURE := out/cornell-spheres.exr
 
-.PHONY: demo test bench peers results quality check fmt clippy doc setup
+.PHONY: demo test bench peers results quality accuracy check fmt clippy doc setup
 
 # Renders a scene, in a minute or so.
 demo: setup
@@ -34,6 +34,11 @@ quality: setup
 	cargo build --release
 	benches/quality.sh >docs/quality.md.new
 	mv docs/quality.md.new docs/quality.md
+
+# docs/accuracy.md: estimates against closed forms. Fails where one is off.
+accuracy: setup
+	cargo build --release
+	target/release/cardioid validate -o docs/accuracy.md
 
 check: fmt clippy doc
 

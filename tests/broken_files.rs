@@ -2,6 +2,7 @@
 //! under its final name.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
@@ -247,7 +248,7 @@ fn landscape(path: &Path, side: u32) {
 fn signalled(
     mesh: &Path,
     command: &[&str],
-    signal: &str,
+    signal: Signal,
     delay: Duration,
 ) -> (Option<i32>, String, Vec<PathBuf>) {
     let work = folder();
@@ -260,12 +261,13 @@ fn signalled(
         .spawn()
         .unwrap();
     std::thread::sleep(delay);
-    let _ = Command::new("kill").args([&format!("-{signal}"), &child.id().to_string()]).status();
+    // It may have ended before.
+    let _ = kill_process(Pid::from_child(&child), signal);
     let start = Instant::now();
     while child.try_wait().unwrap().is_none() {
         if start.elapsed() > Duration::from_secs(120) {
             child.kill().unwrap();
-            panic!("{command:?}: not stopped two minutes after SIG{signal} at {delay:?}");
+            panic!("{command:?}: not stopped two minutes after {signal:?} at {delay:?}");
         }
         std::thread::sleep(Duration::from_millis(5));
     }
@@ -293,7 +295,7 @@ fn signals_at_any_time() {
     let photons = ["photons", "--photons", "20M", "-o", "a.photons", "-q"];
     let mut stopped_early = 0;
     for (number, milliseconds) in [10, 60, 150, 300, 600, 1200, 2500, 5000].into_iter().enumerate() {
-        let (name, code) = if number % 2 == 0 { ("INT", 130) } else { ("TERM", 143) };
+        let (name, code) = if number % 2 == 0 { (Signal::INT, 130) } else { (Signal::TERM, 143) };
         let command: &[&str] = if number % 4 == 3 { &photons } else { &render };
         let (ended, said, left) = signalled(&mesh, command, name, Duration::from_millis(milliseconds));
         assert_eq!(ended, Some(code), "{command:?} at {milliseconds} ms: {said}");

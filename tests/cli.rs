@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use cardioid::image_io::{self, MetadataValue};
+#[cfg(unix)]
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::fs;
 use std::io::Read;
@@ -443,10 +445,8 @@ impl Long {
     }
 
     #[cfg(unix)]
-    fn signal(&self, name: &str) {
-        let sent =
-            Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status().unwrap();
-        assert!(sent.success());
+    fn signal(&self, signal: Signal) {
+        kill_process(Pid::from_child(&self.child), signal).unwrap();
     }
 
     /// Waits, and returns the exit code and what was said. Ends the program itself where it does not end.
@@ -485,12 +485,12 @@ impl Long {
 #[cfg(unix)]
 #[test]
 fn signals_stop_with_a_picture() {
-    for (name, exit) in [("INT", 130), ("TERM", 143)] {
+    for (signal, exit) in [(Signal::INT, 130), (Signal::TERM, 143)] {
         let mut long = Long::start(&[]);
         std::thread::sleep(Duration::from_secs(3));
-        long.signal(name);
+        long.signal(signal);
         let (code, message) = long.wait();
-        assert_eq!(code, Some(exit), "{name}: {message}");
+        assert_eq!(code, Some(exit), "{signal:?}: {message}");
         assert!(message.contains("stopping; what is there will be written"), "{message}");
         long.assert_written(&message);
     }
@@ -545,7 +545,7 @@ fn a_signal_during_the_photon_pass() {
         .unwrap();
     let mut long = Long { child, folder };
     std::thread::sleep(Duration::from_secs(3));
-    long.signal("INT");
+    long.signal(Signal::INT);
     let (code, message) = long.wait();
     assert_eq!(code, Some(130), "{message}");
     assert!(message.contains("stopped before the first pixel: there is no picture"), "{message}");

@@ -11,6 +11,7 @@ mod progress;
 mod render;
 mod settings;
 mod tradeoff;
+mod validate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -40,6 +41,7 @@ enum Command {
     Probe(probe::ProbeArgs),
     Bench(bench_bvh::BenchArgs),
     Tradeoff(tradeoff::TradeoffArgs),
+    Validate(validate::ValidateArgs),
 }
 
 /// Runs the program. Its exit codes are listed in [`EXIT_CODES`].
@@ -52,6 +54,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Probe(args) => probe::run(&args),
         Command::Bench(args) => bench_bvh::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),
+        Command::Validate(args) => validate::run(&args),
     };
     outcome.unwrap_or_else(|error| {
         // A pipe that the reader closed is no error: `cardioid info scene | head`.

@@ -1,11 +1,13 @@
 //! How far a picture is from a reference: error figures over plain linear RGB. Caustics in closed form ([`caustics`]). How fast
-//! rays are traced ([`bvh`]), and what settings cost and buy ([`tradeoff`]).
+//! rays are traced ([`bvh`]), what settings cost and buy ([`tradeoff`]), and whether answers that are known
+//! come out ([`validate`]).
 
 pub mod bvh;
 pub mod caustics;
 mod error;
 mod flip;
 pub mod tradeoff;
+pub mod validate;
 
 pub use error::{ErrorFigures, MeasureError, Picture, Reference};
 pub use flip::{flip_map, mean_flip};

@@ -1,0 +1,323 @@
+//! The renderer against closed forms: scenes whose answer is known, each estimated with several seeds. `cardioid validate`.
+//!
+//! What is free of bias has to agree within the noise between seeds, by Student's t at a level that Sidak's correction shares out over
+//! all such rows: a suite without a flaw fails once in [`FALSE_ALARMS`]. Its standard error must be below half a percent, as
+//! noise would excuse anything. What is biased has to stay within a bound that stands beside it.
+
+mod caustics;
+mod density;
+mod direct;
+mod glass;
+mod rooms;
+mod stage;
+
+use crate::embree::Device;
+use crate::render::{Observer, RenderError};
+use crate::scene_file::{BuildError, SceneFileError};
+use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+use std::fmt::Write;
+use std::sync::Arc;
+
+/// A suite in which nothing is wrong fails once in so many runs with other seeds.
+pub const FALSE_ALARMS: f64 = 1000.0;
+
+/// Largest standard error of what is free of bias, over the exact value.
+pub const MOST_NOISE: f64 = 0.005;
+
+/// What single precision may be off by, over the exact value, where there is no noise.
+pub const ROUNDING: f64 = 5e-5;
+
+/// What is said of an estimate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Claim {
+    /// Its mean is the exact value.
+    Unbiased,
+    /// Its mean is that close to it, as a share of the exact value.
+    Within(f64),
+}
+
+/// One quantity by one method.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// What the cases around it have in common.
+    pub section: &'static str,
+    /// The quantity, in words.
+    pub what: String,
+    /// The method.
+    pub by: &'static str,
+    /// Of the numbers.
+    pub unit: &'static str,
+    /// The closed form.
+    pub exact: f64,
+    /// Over seeds.
+    pub mean: f64,
+    /// Of the mean, from the spread over seeds.
+    pub standard_error: f64,
+    /// What has to hold.
+    pub claim: Claim,
+    /// Whether it does.
+    pub passed: bool,
+}
+
+impl Row {
+    /// Deviation of the mean over the exact value.
+    pub fn deviation(&self) -> f64 {
+        self.mean / self.exact - 1.0
+    }
+
+    fn judge(&mut self, quantile: f64) {
+        let off = (self.mean - self.exact).abs();
+        let exact = self.exact.abs();
+        self.passed = match self.claim {
+            Claim::Unbiased => {
+                off <= quantile * self.standard_error + ROUNDING * exact
+                    && self.standard_error <= MOST_NOISE * exact
+            }
+            Claim::Within(bound) => off <= bound * exact,
+        };
+    }
+}
+
+/// The whole suite.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Validation {
+    /// How many seeds each row rests on.
+    pub seeds: u64,
+    /// So many standard errors a mean without bias may be off by.
+    pub quantile: f64,
+    /// By section.
+    pub rows: Vec<Row>,
+}
+
+/// Why there is no verdict.
+#[derive(Debug, thiserror::Error)]
+pub enum ValidateError {
+    /// A scene of the suite.
+    #[error("a scene of the suite is wrong: {0}")]
+    Scene(#[from] SceneFileError),
+    /// The same, or Embree.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// Maps or picture.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// A place that is probed has no surface, or a picture not the layer.
+    #[error("{0} is missing from what was estimated")]
+    Missing(&'static str),
+    /// Too few for a standard error.
+    #[error("{0} seeds tell no noise: take two at least, sixteen for bounds that mean something")]
+    Seeds(u64),
+    /// The observer.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// A row before it is measured.
+struct Expected {
+    what: String,
+    by: &'static str,
+    exact: f64,
+    claim: Claim,
+}
+
+/// What one estimate tells, one number for each row.
+struct Experiment {
+    section: &'static str,
+    unit: &'static str,
+    rows: Vec<Expected>,
+    estimate: Box<Estimate>,
+}
+
+type Estimate = dyn Fn(u64) -> Result<Vec<f64>, ValidateError>;
+
+/// Names of methods, as the table has them.
+mod by {
+    pub(super) const PATHS: &str = "paths";
+    pub(super) const GATHER: &str = "photon map";
+    pub(super) const PHOTONS: &str = "photons alone";
+    pub(super) const FLUX: &str = "flux of photons";
+    pub(super) const CACHE: &str = "irradiance cache";
+    pub(super) const ESTIMATE: &str = "density estimate";
+    pub(super) const RAYS: &str = "a ray";
+}
+
+/// Runs the suite. The result is the same for any number of threads.
+///
+/// # Errors
+/// Where a scene cannot be built or rendered, and where the observer stopped it.
+pub fn validate(
+    device: &Arc<Device>,
+    seeds: u64,
+    observer: &dyn Observer,
+) -> Result<Validation, ValidateError> {
+    if seeds < 2 {
+        return Err(ValidateError::Seeds(seeds));
+    }
+    let mut experiments = Vec::new();
+    experiments.extend(direct::experiments(device)?);
+    experiments.extend(rooms::experiments(device)?);
+    experiments.extend(glass::experiments(device)?);
+    experiments.extend(caustics::experiments(device)?);
+    experiments.extend(density::experiments());
+    observer.begin("validating", experiments.len() as u64 * seeds);
+    let mut done = 0;
+    let mut rows = Vec::new();
+    for Experiment { section, unit, rows: expected, estimate } in experiments {
+        let mut sums = vec![(0.0, 0.0); expected.len()];
+        for seed in 0..seeds {
+            if observer.should_stop() {
+                return Err(ValidateError::Stopped);
+            }
+            let values = estimate(seed)?;
+            assert_eq!(values.len(), expected.len(), "{section}: a number for each row");
+            for ((sum, squares), (value, row)) in sums.iter_mut().zip(values.iter().zip(&expected)) {
+                // About the exact value, so that squares lose nothing.
+                let off = value - row.exact;
+                *sum += off;
+                *squares += off * off;
+            }
+            done += 1;
+            observer.advance(done);
+        }
+        let n = seeds as f64;
+        for (Expected { what, by, exact, claim }, (sum, squares)) in expected.into_iter().zip(sums) {
+            let off = sum / n;
+            let variance = ((squares - sum * off) / (n - 1.0)).max(0.0);
+            let (mean, standard_error) = (exact + off, (variance / n).sqrt());
+            rows.push(Row { section, what, by, unit, exact, mean, standard_error, claim, passed: false });
+        }
+    }
+    let unbiased = rows.iter().filter(|row| row.claim == Claim::Unbiased).count();
+    let quantile = quantile(unbiased, seeds);
+    rows.iter_mut().for_each(|row| row.judge(quantile));
+    Ok(Validation { seeds, quantile, rows })
+}
+
+/// Standard errors that the mean over `seeds` of one of `rows` is beyond, on either side, so rarely that any of them is
+/// once in [`FALSE_ALARMS`].
+fn quantile(rows: usize, seeds: u64) -> f64 {
+    let each = 1.0 - (1.0 - 1.0 / FALSE_ALARMS).powf(1.0 / rows.max(1) as f64);
+    StudentsT::new(0.0, 1.0, seeds as f64 - 1.0)
+        .map_or(f64::INFINITY, |distribution| distribution.inverse_cdf(1.0 - 0.5 * each))
+}
+
+impl Validation {
+    /// Whether every row holds.
+    pub fn passed(&self) -> bool {
+        self.rows.iter().all(|row| row.passed)
+    }
+
+    /// Rows that do not hold.
+    pub fn failures(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| !row.passed)
+    }
+
+    /// A page with a table for each section.
+    pub fn to_markdown(&self) -> String {
+        let mut text = format!(
+            "# Accuracy\n\nWritten by `cardioid validate`: scenes whose answer is known in closed form, each estimated with {} seeds. \
+             *Unbiased* rows have to agree within {:.1} standard errors of the mean over seeds (Student's t, shared out over the rows \
+             after Sidak so that a suite without a flaw fails once in {FALSE_ALARMS:.0}) and {ROUNDING:.0e} for single precision, \
+             with a standard error below {} %; the others within the bound beside them.\n",
+            self.seeds,
+            self.quantile,
+            100.0 * MOST_NOISE,
+        );
+        let mut section = "";
+        for row in &self.rows {
+            // Writing to a string does not fail.
+            if row.section != section {
+                section = row.section;
+                let _ = write!(
+                    text,
+                    "\n## {section}\n\n| quantity | by | exact | estimated | off by | standard error | has to be | |\n\
+                     |---|---|---|---|---|---|---|---|\n"
+                );
+            }
+            let claim = match row.claim {
+                Claim::Unbiased => "unbiased".to_owned(),
+                Claim::Within(bound) => format!("within {} %", trimmed(100.0 * bound)),
+            };
+            let _ = writeln!(
+                text,
+                "| {} | {} | {:.6} {} | {:.6} | {:+.3} % | {:.3} % | {claim} | {} |",
+                row.what,
+                row.by,
+                row.exact,
+                row.unit,
+                row.mean,
+                100.0 * row.deviation(),
+                100.0 * row.standard_error / row.exact.abs(),
+                if row.passed { "holds" } else { "**fails**" },
+            );
+        }
+        let (held, all) = (self.rows.iter().filter(|row| row.passed).count(), self.rows.len());
+        let _ = write!(text, "\n{held} of {all} hold.\n");
+        text
+    }
+}
+
+/// Without zeros at the end.
+fn trimmed(x: f64) -> String {
+    let text = format!("{x:.4}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(mean: f64, standard_error: f64, claim: Claim) -> Row {
+        Row {
+            section: "a section",
+            what: "a thing".to_owned(),
+            by: by::PATHS,
+            unit: "W",
+            exact: 2.0,
+            mean,
+            standard_error,
+            claim,
+            passed: false,
+        }
+    }
+
+    #[test]
+    fn verdicts() {
+        let judged = |mean, error, claim| {
+            let mut row = row(mean, error, claim);
+            row.judge(4.0);
+            row.passed
+        };
+        assert!(judged(2.019, 0.005, Claim::Unbiased));
+        assert!(!judged(2.021, 0.005, Claim::Unbiased), "too far");
+        assert!(!judged(2.0, 0.011, Claim::Unbiased), "too noisy");
+        assert!(judged(2.000_09, 0.0, Claim::Unbiased), "rounding");
+        assert!(!judged(2.000_2, 0.0, Claim::Unbiased));
+        assert!(judged(1.981, 0.5, Claim::Within(0.01)));
+        assert!(!judged(1.979, 0.0, Claim::Within(0.01)));
+        assert!(!judged(f64::NAN, 0.0, Claim::Within(0.01)) && !judged(f64::NAN, 0.0, Claim::Unbiased));
+    }
+
+    #[test]
+    fn quantiles() {
+        // Two-sided 0.1 % of Student's t with 15 degrees of freedom, from tables: 4.073.
+        assert!((quantile(1, 16) - 4.073).abs() < 1e-3, "{}", quantile(1, 16));
+        assert!(quantile(60, 16) > quantile(1, 16) && quantile(60, 16) > quantile(60, 64));
+        assert!((1.0..1e3).contains(&quantile(100, 4)));
+    }
+
+    #[test]
+    fn the_page_names_what_fails() {
+        let mut rows = vec![row(2.0, 0.001, Claim::Unbiased), row(3.0, 0.001, Claim::Within(0.02))];
+        rows.iter_mut().for_each(|row| row.judge(4.0));
+        let validation = Validation { seeds: 16, quantile: 4.0, rows };
+        assert!(!validation.passed() && validation.failures().count() == 1);
+        let page = validation.to_markdown();
+        assert!(
+            page.contains("+50.000 % | 0.050 % | within 2 % | **fails** |") && page.contains("1 of 2 hold")
+        );
+        assert_eq!(page.matches("## a section").count(), 1);
+    }
+}
