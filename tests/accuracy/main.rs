@@ -20,6 +20,7 @@ mod illumination;
 mod jensen96;
 mod lights;
 mod many_lights;
+mod matrix;
 mod photon_pass;
 mod pictures;
 mod progressive;
