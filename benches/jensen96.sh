@@ -144,7 +144,8 @@ row() { # name, scene, the paper's pass 1, the paper's rendering, resolution, ca
     local name=$1 scene=$2 first=$3 second=$4 size=$5 caustic=$6 global=$7
     shift 7
     shoot "$name" "$scene" --resolution "$size" --caustic-photons "$caustic" --global-photons "$global" "$@"
-    keep "$name" "$name"
+    # The boxes are shown elsewhere, and are large.
+    case $name in museum | cognac) keep "$name" "$name" ;; esac
     awk -v n="$scene" -v s="$size" -v c="$caustic" -v g="$global" -v f="$first" -v r="$second" \
         -v p="$(stat "$name" photons)" -v k="$(stat "$name" cache)" -v x="$(stat "$name" pixels)" \
         -v spp="$(stat "$name" spp)" -v m="$(sum "$name" bytes)" -v d="$(stat "$name" mean_path_depth)" 'BEGIN {
