@@ -118,8 +118,9 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "SHARE", value_parser = share)]
     caustic_reuse: Option<f32>,
 
-    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen.
-    #[arg(long, value_enum)]
+    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen. Without a
+    /// mode: bounded.
+    #[arg(long, value_enum, value_name = "MODE", num_args = 0..=1, default_missing_value = "bounded")]
     shadow_photons: Option<ShadowArg>,
 
     /// Rays that place shadow photons, of all lights together.
@@ -433,7 +434,7 @@ enum SearchArg {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum ShadowArg {
-    /// Everywhere (the default).
+    /// Everywhere (without the option).
     Off,
     /// Not where the ten nearest photons are all direct or all shadow photons (section 4.1 of Jensen 1996).
     AsPrinted,

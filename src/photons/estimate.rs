@@ -171,6 +171,23 @@ impl PhotonMap {
         if is_part && !found.iter().take(photons).any(|(_, distance_squared)| is_inside(distance_squared)) {
             return nothing;
         }
+        let density = |sum: DVec3, disc: &Disc| {
+            let scale = self.per_emitted() / disc.weighted_area(params.kernel);
+            // Flux of 1e30 W at one point exceeds what f32 can hold.
+            (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
+        };
+        if query.faint > 0.0 && !query.narrower {
+            let whole = Disc { radius, domain: None };
+            let (mut sum, mut counted) = (DVec3::ZERO, 0);
+            for (index, distance_squared) in found.iter().take(photons).filter(|&(_, d)| is_inside(d)) {
+                counted += 1;
+                sum += (contribution(index) * whole.weight(params.kernel, distance_squared)).as_dvec3();
+            }
+            let value = density(sum, &whole);
+            if value.max_element() <= query.faint {
+                return Estimate { value, photons: counted, narrower: value, ..nothing };
+            }
+        }
         let wide = Disc { radius, domain: domain(radius) };
         let narrow = query.narrower.then(|| wide.narrowed());
         let (mut sum, mut narrow_sum) = (DVec3::ZERO, DVec3::ZERO);
@@ -190,11 +207,6 @@ impl PhotonMap {
                 narrow_sum += (brought * narrow.weight(params.kernel, distance_squared)).as_dvec3();
             }
         }
-        let density = |sum: DVec3, disc: &Disc| {
-            let scale = self.per_emitted() / disc.weighted_area(params.kernel);
-            // Flux of 1e30 W at one point exceeds what f32 can hold.
-            (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
-        };
         let value = density(sum, &wide);
         let narrower = narrow.map_or(value, |narrow| density(narrow_sum, &narrow));
         Estimate { value, photons: counted, narrower, ..nothing }

@@ -66,6 +66,9 @@ pub struct Query {
     /// Estimates use this share of the radius that would be theirs, and the photons within it; in (0, 1]. Searches do not
     /// look at it.
     pub radius_share: f32,
+    /// Estimates no larger than this in any channel over the whole disc are made over the whole disc, whatever can be seen
+    /// from its centre. Searches do not look at it.
+    pub faint: f32,
     /// Whether estimates are made over a narrower disc as well ([`super::NARROWER`]). Searches do not look at it.
     pub narrower: bool,
 }
@@ -83,6 +86,7 @@ impl Query {
             classes: PhotonClasses::LIGHT,
             differential_check: false,
             radius_share: 1.0,
+            faint: 0.0,
             narrower: false,
         }
     }
@@ -595,6 +599,7 @@ mod tests {
                     classes: if every_class { PhotonClasses::ALL } else { PhotonClasses::LIGHT },
                     differential_check: false,
                     radius_share: 1.0,
+                    faint: 0.0,
                     narrower: false,
                 };
                 let wanted = brute_force(&map, &query);

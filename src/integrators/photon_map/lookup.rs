@@ -8,7 +8,7 @@ use crate::photons::{Estimate, EstimateParams, KernelDomain, PhotonMap, Query, S
 use crate::scene::{Scene, Shading};
 use glam::Vec3;
 use std::cell::Cell;
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Radiance that the diffuse lobe of a surface reflects of the photons in a map.
 pub(super) fn reflected(
@@ -31,7 +31,9 @@ pub(super) fn reflected_estimate(
 ) -> Estimate {
     // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
     if let Some(lambert) = shading.bsdf.lambertian() {
-        let (estimate, _) = irradiance(scene, reading, what, scratch);
+        let (map, query, params) = what;
+        let query = Query { faint: irradiance_of(query.faint, lambert.reflectance), ..*query };
+        let (estimate, _) = irradiance(scene, reading, (map, &query, params), scratch);
         let reflected = |irradiance: Rgb| lambert.reflectance * irradiance * FRAC_1_PI;
         let (value, narrower) = (reflected(estimate.value), reflected(estimate.narrower));
         return Estimate { value, narrower, ..estimate };
@@ -44,6 +46,11 @@ pub(super) fn reflected_estimate(
         map.estimate_radiance_visible(query, params, photons, domain, f)
     };
     look_up(scene, reading, query, scratch, estimate).0
+}
+
+/// Irradiance of which a Lambertian surface reflects no more than `radiance` in any channel.
+pub(super) fn irradiance_of(radiance: f32, reflectance: Rgb) -> f32 {
+    PI * radiance / reflectance.max_element().max(f32::MIN_POSITIVE)
 }
 
 /// Irradiance on the side of the query's normal, and how far its centre sees within the surface in every direction that was

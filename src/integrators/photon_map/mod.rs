@@ -32,7 +32,7 @@ use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
 use gather::Gain;
 use glam::Vec3;
-use lookup::{irradiance, reflected_estimate};
+use lookup::{irradiance, irradiance_of, reflected_estimate};
 pub(super) use reuse::Remembered;
 use std::f32::consts::FRAC_1_PI;
 use walk::{Walk, walk_specular};
@@ -93,16 +93,20 @@ impl PhotonMapSettings {
     /// It reaches no farther than where, were the photons spread evenly over a sphere around the scene, it would find four
     /// times as many as are wanted: beyond that caustics are so faint that one photon more or less changes nothing, and what
     /// a wide search meets is the foci of others. Rounds of progressive rendering have a law of their own.
-    pub fn caustic_query(&self, map: &PhotonMap, position: Vec3, normal: Vec3) -> Query {
-        let query = self.query(position, normal, self.caustic_nearest, self.caustic_radius);
+    ///
+    /// Where only a share of a camera sample arrives fewer photons serve, since their noise counts by that share.
+    pub fn caustic_query(&self, map: &PhotonMap, position: Vec3, normal: Vec3, share: f32) -> Query {
+        let least = self.caustic_nearest.min(LEAST_CAUSTIC_NEAREST);
+        let wanted = ((self.caustic_nearest as f32 * share).ceil() as u32).clamp(least, self.caustic_nearest);
+        let query = self.query(position, normal, wanted, self.caustic_radius);
         if let Some(narrowing) = self.narrowing {
             return narrowing.narrow(query);
         }
         if self.caustic_radius.is_some() {
             return query;
         }
-        let share = self.caustic_nearest as f32 / map.len().max(1) as f32;
-        Query { max_radius: query.max_radius.min(4.0 * self.scene_radius * share.sqrt()), ..query }
+        let of_all = wanted as f32 / map.len().max(1) as f32;
+        Query { max_radius: query.max_radius.min(4.0 * self.scene_radius * of_all.sqrt()), ..query }
     }
 
     fn query(&self, position: Vec3, normal: Vec3, nearest: u32, radius: Option<f32>) -> Query {
@@ -132,6 +136,16 @@ pub struct PhotonMaps {
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
     pub shadows: Option<ShadowMaps>,
 }
+
+/// Photons of a caustic estimate that counts for little in a camera sample.
+const LEAST_CAUSTIC_NEAREST: u32 = 32;
+
+/// Caustics fainter than this, as a share of the other light of the camera sample, are estimated over the whole disc: what
+/// cannot be seen from its centre changes them by less than any eye sees.
+const FAINT_CAUSTICS: f32 = 0.005;
+
+/// The same as a share of the other light at one surface, however little of that arrives.
+const FAINTEST_HERE: f32 = 0.1;
 
 /// Pass 2.
 #[derive(Debug)]
@@ -180,25 +194,38 @@ impl<'a> PhotonMapIntegrator<'a> {
         Directions::new(self.maps.guide.as_ref(), vertex.hit, vertex.shading, &mut scratch.counters)
     }
 
-    /// Third integral: the caustic map, shown directly. And by how much that is expected to be off, in rounds of
-    /// progressive rendering.
-    fn caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Rgb, Rgb) {
+    /// Radiance of caustics up to which their visibility is not asked for, where `other` light leaves a vertex.
+    fn faint_caustics(vertex: &Vertex<'_>, other: Rgb) -> f32 {
+        (FAINT_CAUSTICS / vertex.share.max(FAINT_CAUSTICS)).min(FAINTEST_HERE) * other.min_element()
+    }
+
+    /// Third integral: the caustic map, shown directly, beside `other` light that leaves the vertex. And by how much that is
+    /// expected to be off, in rounds of progressive rendering.
+    fn caustics(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> (Rgb, Rgb) {
         let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
         if let Some(radiance) = by_map {
             return (radiance, Rgb::ZERO);
         }
         let Some(map) = &self.maps.caustic else { return (Rgb::ZERO, Rgb::ZERO) };
         scratch.counters.caustic_lookups += 1;
-        let query = self.settings.caustic_query(map, vertex.hit.point.position, vertex.hit.facing_normal());
+        let query = Query {
+            faint: Self::faint_caustics(vertex, other),
+            ..self.settings.caustic_query(
+                map,
+                vertex.hit.point.position,
+                vertex.hit.facing_normal(),
+                vertex.share,
+            )
+        };
         let what = (map, &query, &self.settings.caustic);
         let estimate = reflected_estimate(self.scene, &self.settings, what, vertex.shading, scratch);
         (estimate.value, narrowing::bias_of(&estimate))
     }
 
     /// The same behind a diffuse reflection.
-    fn caustics_behind(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Rgb {
+    fn caustics_behind(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> Rgb {
         let (Some(map), Some(narrowing)) = (&self.maps.caustic, self.settings.narrowing) else {
-            return self.caustics(vertex, scratch).0;
+            return self.caustics(vertex, other, scratch).0;
         };
         scratch.counters.caustic_lookups += 1;
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
@@ -217,12 +244,12 @@ impl<'a> PhotonMapIntegrator<'a> {
 
     /// [`Self::caustics`] for a surface that the eye sees: an estimate that blurs over the pixel is made once for its camera
     /// samples. Not for what gather rays meet, which are other places in each sample.
-    fn shared_caustics(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Rgb, Rgb) {
+    fn shared_caustics(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> (Rgb, Rgb) {
         let reuse = self.settings.caustic_reuse;
         let shares = reuse > 0.0 && self.settings.narrowing.is_none();
         let lambert = vertex.shading.bsdf.lambertian().filter(|_| shares);
         let (Some(map), Some(lambert)) = (&self.maps.caustic, lambert) else {
-            return self.caustics(vertex, scratch);
+            return self.caustics(vertex, other, scratch);
         };
         let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
         if let Some(radiance) = by_map {
@@ -233,7 +260,10 @@ impl<'a> PhotonMapIntegrator<'a> {
         scratch.counters.caustic_shared += u64::from(known.is_some());
         let irradiance = known.unwrap_or_else(|| {
             scratch.counters.caustic_lookups += 1;
-            let query = self.settings.caustic_query(map, position, normal);
+            let query = Query {
+                faint: irradiance_of(Self::faint_caustics(vertex, other), lambert.reflectance),
+                ..self.settings.caustic_query(map, position, normal, vertex.share)
+            };
             let what = (map, &query, &self.settings.caustic);
             let (estimate, seen) = irradiance(self.scene, &self.settings, what, scratch);
             // What stands nearer separates places that the estimate tells apart.
@@ -293,9 +323,10 @@ impl<'a> PhotonMapIntegrator<'a> {
         };
         let (mut caustics, mut gathered) = (Rgb::ZERO, Gain::default());
         if has_diffuse {
-            let bias;
-            (caustics, bias) = self.shared_caustics(vertex, scratch);
             gathered = self.indirect(vertex, &directions, samples, scratch);
+            let other = by_light.diffuse + gathered.direct + gathered.indirect;
+            let bias;
+            (caustics, bias) = self.shared_caustics(vertex, other, scratch);
             scratch.bias = bias + gathered.bias;
         }
         [

@@ -62,7 +62,7 @@ impl PhotonMapIntegrator<'_> {
         let (direct, indirect) = (global(PhotonClass::Direct), global(PhotonClass::Indirect));
         let caustic = self.maps.caustic.as_ref().map_or(Rgb::ZERO, |map| {
             scratch.counters.caustic_lookups += 1;
-            let query = self.settings.caustic_query(map, position, normal);
+            let query = self.settings.caustic_query(map, position, normal, 1.0);
             let what = (map, &query, &self.settings.caustic);
             PI * reflected(self.scene, &self.settings, what, &receiver.shading, scratch)
         });

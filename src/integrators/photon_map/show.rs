@@ -59,7 +59,7 @@ impl<'a> ShowPhotons<'a> {
             }
             MapKind::Caustic => {
                 scratch.counters.caustic_lookups += 1;
-                self.settings.caustic_query(map, position, normal)
+                self.settings.caustic_query(map, position, normal, 1.0)
             }
         };
         (aov, reflected(self.scene, &self.settings, (map, &query, params), vertex.shading, scratch))
