@@ -2,7 +2,8 @@
 # The figures, Table 1 and the claims of Jensen 1996 with a measured line beside each. Prints part of docs/results.md and
 # renders its pictures into docs/pictures.
 #
-#   benches/jensen96.sh [PART...] >part.md      parts: figure2 boxes photons costs table1
+#   benches/jensen96.sh [PART...] >part.md      parts: figure2 boxes series photons costs figure4 cognac table1;
+#                                               flip, which takes long and is left out without it
 #
 # Seconds are wall seconds of passes as `--stats` has them, or processor seconds of whole processes where a heading says so.
 set -euo pipefail
@@ -18,12 +19,13 @@ field() { sed -n "s/^ *\"$2\": \(-\{0,1\}[0-9.e+-]*\),\{0,1\}$/\1/p" "$1" | head
 
 # Renders a scene to $out/NAME.exr with its statistics, and notes the processor seconds.
 shoot() { # name, scene, options
-    local name=$1 scene=$2 TIMEFORMAT='%U %S'
+    local name=$1 scene=$2 TIMEFORMAT='%U %S %R'
     shift 2
     { time "$program" render "scenes/$scene.toml" "$@" -q --stats "$out/$name.json" -o "$out/$name.exr" \
         2>"$out/log"; } 2>"$out/$name.time" || { cat "$out/log" >&2; return 1; }
 }
 cpu() { awk '{ print $1 + $2 }' "$out/$1.time"; }
+wall() { awk '{ print $3 }' "$out/$1.time"; }
 stat() { field "$out/$1.json" "$2"; }
 # Sum of a number that each map has.
 sum() { sed -n "s/^ *\"$2\": \(-\{0,1\}[0-9.e+-]*\),\{0,1\}$/\1/p" "$out/$1.json" | awk '{ s += $1 } END { print s + 0 }'; }
@@ -80,6 +82,80 @@ END
     shoot glossy cornell-glossy --quality final --spp 16 --glossy-samples 6 --global-photons 382598
     keep glossy cornell-glossy
     printf '\n![the glossy Cornell box](pictures/cornell-glossy.png)\n\n'
+}
+
+# What an eye sees of the difference of two seeds, in the large pictures as PNG. Twice the time of their rows in Table 1.
+flip() {
+    cat <<'END'
+## From seed to seed
+
+| scene | mean FLIP of two pictures |
+|---|---|
+END
+    local seed scene
+    for scene in "museum 389755 165791 16 --cache-samples 1280" "cognac 224316 3095 14 --gather-samples 2"; do
+        read -r scene caustic global spp option value <<<"$scene"
+        for seed in 0 1; do
+            shoot "flip-$seed" "$scene" --quality preview --caustic-photons "$caustic" --global-photons "$global" --spp "$spp" \
+                "$option" "$value" --seed "$seed"
+        done
+        "$program" compare "$out/flip-0.png" "$out/flip-1.png" --json >"$out/errors.json"
+        printf '| `%s` | %.3f |\n' "$scene" "$(field "$out/errors.json" flip)"
+    done
+    echo
+}
+
+# A row of pictures: titles, then names, both separated by |.
+gallery() {
+    echo "| $1 |"
+    echo "$1" | sed 's/[^|]*/---/g; s/.*/|&|/'
+    echo "$2" | sed 's/ *\([^|]*[^| ]\) */ ![\1](pictures\/\1.png) /g; s/.*/|&|/'
+    echo
+}
+
+# A picture of the series.
+frame() { # name, scene, options
+    shoot "$1" "$2" --resolution 192x192 "${@:3}"
+    keep "$1" "$1"
+}
+
+series() {
+    cat <<'END'
+## The Cornell box, step by step
+
+What the lecture shows one after the other. *Ray traced*: shadow rays and ideal reflection alone, under a point light and
+under the lamp. The two maps as they are: 50,000 caustic photons with 60 in an estimate; 200,000 global ones with 100; and with 500 in a
+sphere, which takes in what lies behind edges and around corners, and in a disc, which does so less.
+
+END
+    # The same box under a point light of the same power, in the middle of where the lamp is.
+    sed '/^# Faces down/,/^emission/d' scenes/cornell-spheres.toml >"$out/sharp.toml"
+    cat >>"$out/sharp.toml" <<'END'
+
+[[lights]]
+type = "point"
+position = [278.0, 540.0, 279.5]
+power = [1.46, 1.03, 0.343]
+END
+    local traced=(--global-photons 0 --no-caustics --irradiance-cache false --spp 16)
+    "$program" render "$out/sharp.toml" "${traced[@]}" --resolution 192x192 -q -o "$out/series-sharp.exr" 2>"$out/log" ||
+        { cat "$out/log" >&2; return 1; }
+    keep series-sharp series-sharp
+    frame series-soft cornell-spheres "${traced[@]}"
+    frame series-full cornell-spheres --quality preview
+    local shown=(--integrator photons --spp 4 --visible-kernel false)
+    frame series-caustic cornell-spheres "${shown[@]}" --map caustic --caustic-photons 50k --caustic-nearest 60
+    frame series-global cornell-spheres "${shown[@]}" --map global --global-photons 200k --global-nearest 100
+    for search in sphere disc; do
+        frame series-$search cornell-spheres "${shown[@]}" --map global --global-photons 200k --global-nearest 500 --search $search
+    done
+    for count in 10k 100k 1M; do
+        frame series-$count cornell-spheres "${shown[@]}" --map global --global-photons $count --global-nearest 100
+    done
+    gallery "ray traced, point light | ray traced, lamp | both photon maps, \`preview\`" "series-sharp | series-soft | series-full"
+    gallery "caustic map, 60 of 50,000 | global map, 100 of 200,000 | 500 in a sphere | 500 in a disc" \
+        "series-caustic | series-global | series-sphere | series-disc"
+    gallery "100 of 10,000 photons | of 100,000 | of 1,000,000" "series-10k | series-100k | series-1M"
 }
 
 photons() {
@@ -139,6 +215,51 @@ END
     echo
 }
 
+figure4() {
+    cat <<'END'
+## Figure 4: the global map of the museum
+
+165,000 photons shown directly, 80 in an estimate, on everything diffuse; the flake too, where its diffuse part is. Kernels are not cut at walls.
+
+END
+    shoot figure-4 museum --integrator photons --map global --global-photons 165k --global-nearest 80 --visible-kernel false \
+        --spp 4 --resolution 640x480
+    keep figure-4 figure-4
+    printf '![the global photon map of the museum](pictures/figure-4.png)\n\n'
+}
+
+cognac() {
+    cat <<'END'
+## The cognac glass: what caustics bring
+
+Without caustics the ground below the glass is black; with 216 shadow photons or so, which the paper counts, most shadow rays are
+saved. The third picture has the lecture's settings: 200,000 photons, 40 in an estimate.
+
+END
+    local small=(--quality preview --spp 16 --resolution 400x300)
+    shoot cognac-dark cognac "${small[@]}" --no-caustics
+    keep cognac-dark cognac-dark
+    shoot cognac-lit cognac "${small[@]}" --caustic-photons 224316 --global-photons 3095
+    keep cognac-lit cognac-lit
+    shoot cognac-lecture cognac "${small[@]}" --caustic-photons 200k --caustic-nearest 40
+    keep cognac-lecture cognac-lecture
+    gallery "no caustics | 224,316 photons, 120 in an estimate | 200,000 photons, 40 in an estimate" \
+        "cognac-dark | cognac-lit | cognac-lecture"
+    cat <<'END'
+| shadow photons | rays | direct | shadow | shadow rays saved |
+|---|---|---|---|---|
+END
+    local rays
+    for mode in "as-printed 3000" "as-printed 30000" "bounded 200000"; do
+        read -r mode rays <<<"$mode"
+        shoot shadows cognac --quality draft --spp 4 --resolution 400x300 --shadow-photons "$mode" --shadow-photon-rays "$rays"
+        awk -v m="$mode" -v r="$rays" -v d="$(stat shadows direct_photons)" -v s="$(stat shadows shadow_photons)" \
+            -v k="$(stat shadows rays_saved_percent)" \
+            'BEGIN { printf "| `%s` | %d | %d | %d | %.1f %% |\n", m, r, d, s, k }'
+    done
+    echo
+}
+
 # One row: a scene at the resolution and the counts of photons of the paper.
 row() { # name, scene, the paper's pass 1, the paper's rendering, resolution, caustic, global, options
     local name=$1 scene=$2 first=$3 second=$4 size=$5 caustic=$6 global=$7
@@ -164,10 +285,15 @@ mean depth of an image-sampling ray, "very close to 2" in the diffuse box.
 | scene | pixels | caustic | global | pass 1, 1996 | rendering, 1996 | pass 1 | rendering | samples per pixel | maps | depth |
 |---|---|---|---|---|---|---|---|---|---|---|
 END
+    local museum=(1280x960 389755 165791 --quality preview --spp "${MUSEUM_SPP:-16}" --cache-samples 1280)
+    local cognac=(1280x960 224316 3095 --quality preview --spp "${COGNAC_SPP:-14}" --gather-samples 2)
     row table-cornell-spheres cornell-spheres "67 s" "8 min" 1280x960 21162 286489 --quality preview --spp 4
     row table-cornell-glossy cornell-glossy "56 s" "50 min" 2560x1920 0 382598 --quality preview --spp 1 --glossy-samples 6
-    row museum museum "298 s" "51 min" 1280x960 389755 165791 --quality preview --spp "${MUSEUM_SPP:-4}"
-    row cognac cognac "27 min" "65 min" 1280x960 224316 3095 --quality preview --spp "${COGNAC_SPP:-16}"
+    row museum museum "298 s" "51 min" "${museum[@]}"
+    row cognac cognac "27 min" "65 min" "${cognac[@]}"
+    shoot final cornell-diffuse --quality final
+    printf '\nThe museum takes %.0f and the cognac glass %.0f times as long as `cornell-diffuse` at 256 x 256 and `final`.\n' \
+        "$(awk "BEGIN { print $(wall museum) / $(wall final) }")" "$(awk "BEGIN { print $(wall cognac) / $(wall final) }")"
     cat <<'END'
 
 | the museum | the cognac glass |
@@ -177,5 +303,5 @@ END
 END
 }
 
-[ $# -gt 0 ] || set -- figure2 boxes photons costs table1
+[ $# -gt 0 ] || set -- figure2 boxes series photons costs figure4 cognac table1
 for part in "$@"; do "$part"; done

@@ -109,8 +109,8 @@ impl Schlick {
         if self.form == Form::Printed {
             return printed;
         }
-        let q = self.slope() * w.x.hypot(w.y);
-        let even = 0.5 * (v + v.hypot(q));
+        let q = self.slope() * (w.x * w.x + w.y * w.y).sqrt();
+        let even = 0.5 * (v + (v * v + q * q).sqrt());
         let plane = v + 0.5 * q * (q / v).atan();
         let least = self.isotropy.sqrt();
         printed.min(1.0 / (least * even + (1.0 - least) * plane))

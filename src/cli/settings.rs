@@ -453,6 +453,27 @@ enum ShowArg {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Command {
+        #[command(flatten)]
+        settings: SettingsArgs,
+    }
+
+    #[test]
+    fn shadow_photons_are_bounded_where_no_mode_is_named() {
+        for (line, mode) in [
+            (&["cardioid"] as &[_], None),
+            (&["cardioid", "--shadow-photons"], Some(ShadowMode::Bounded)),
+            (&["cardioid", "--shadow-photons", "--spp", "2"], Some(ShadowMode::Bounded)),
+            (&["cardioid", "--shadow-photons", "as-printed"], Some(ShadowMode::AsPrinted)),
+            (&["cardioid", "--shadow-photons", "off"], Some(ShadowMode::Off)),
+        ] {
+            let asked = Command::try_parse_from(line).unwrap().settings.over(&Overrides::default());
+            assert_eq!(asked.shadow_photons, mode, "{line:?}");
+        }
+    }
 
     #[test]
     fn counts_as_people_write_them() {

@@ -116,7 +116,7 @@ pub fn read_mesh_file_with(
 ) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
     let extension = path.extension().unwrap_or_default();
     let (mesh, report) = if extension.eq_ignore_ascii_case("obj") {
-        read_obj_with(path, reading)?.into_mesh()
+        read_obj_with(path, reading, |_| true)?.into_mesh()
     } else if extension.eq_ignore_ascii_case("stl") {
         read_stl_with(path, reading)?
     } else {

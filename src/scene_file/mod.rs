@@ -8,6 +8,7 @@ pub mod generate;
 mod gltf;
 mod hash;
 pub mod ies;
+mod keyed;
 pub mod mesh;
 mod mesh_file;
 mod mesh_scene;

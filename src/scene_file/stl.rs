@@ -4,13 +4,12 @@
 //! A binary file says how many triangles it has, which is compared with its length before memory is taken; memory stays
 //! below 16 times that length.
 
+use super::keyed::Keyed;
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
 use super::mesh_file::{
     Failure, MeshFileError, MeshPlace, MeshReading, in_file, number, read_bytes, shown, words,
 };
-use crate::sampling::mix;
 use std::collections::HashMap;
-use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::Path;
 
 /// Text, and the number of triangles.
@@ -51,44 +50,6 @@ pub fn parse_stl_bytes(bytes: &[u8], path: &Path) -> Result<(TriangleMesh, MeshR
 struct Vertices {
     positions: Vec<[f32; 3]>,
     numbers: HashMap<(u64, u32), u32, Keyed>,
-}
-
-/// Makes hashers that begin with a secret of the process, so that no file can be made whose places collide. Several times as fast
-/// as those of the standard library, of which reading would otherwise mostly consist.
-struct Keyed(u64);
-
-impl Default for Keyed {
-    fn default() -> Self {
-        Self(RandomState::new().hash_one(0u64))
-    }
-}
-
-impl BuildHasher for Keyed {
-    type Hasher = Mixer;
-
-    fn build_hasher(&self) -> Mixer {
-        Mixer(self.0)
-    }
-}
-
-struct Mixer(u64);
-
-impl Hasher for Mixer {
-    fn write(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|&byte| self.write_u64(u64::from(byte)));
-    }
-
-    fn write_u32(&mut self, number: u32) {
-        self.write_u64(u64::from(number));
-    }
-
-    fn write_u64(&mut self, number: u64) {
-        self.0 = mix(self.0 ^ number);
-    }
-
-    fn finish(&self) -> u64 {
-        self.0
-    }
 }
 
 impl Vertices {

@@ -17,6 +17,9 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 /// Pixels between the first candidates.
 const COARSEST: u32 = 32;
 
+/// Rays of a hemisphere in a dense batch, unless fewer are asked for.
+const LEAST_RAYS: u32 = 64;
+
 /// What the cache is filled for.
 #[derive(Clone, Copy, Debug)]
 pub struct CacheRequest<'a> {
@@ -28,7 +31,7 @@ pub struct CacheRequest<'a> {
     pub seed: u64,
     /// Largest error of an interpolation (Ward, Rubinstein & Clear 1988).
     pub error: f32,
-    /// Rays of a hemisphere.
+    /// Rays of a hemisphere where records lie far apart; fewer where they lie close to one another.
     pub rays: u32,
 }
 
@@ -69,6 +72,17 @@ fn batches() -> impl Iterator<Item = Batch> {
 }
 
 impl Batch {
+    /// Rays of a hemisphere, of `most`. Where records lie close to one another, since light changes quickly or surfaces are small,
+    /// their noise is averaged over more of them and seen less than where one lights a wall.
+    fn rays(&self, most: u32) -> u32 {
+        let divisor = match self.step {
+            0..=2 => 4,
+            3..=4 => 2,
+            _ => 1,
+        };
+        (most / divisor).max(LEAST_RAYS).min(most)
+    }
+
     /// Pixel number `index` of the grid, where it is one of the batch.
     fn pixel(&self, index: u64, across: u64) -> Option<(u32, u32)> {
         let (i, j) = ((index % across) as u32, (index / across) as u32);
@@ -126,13 +140,17 @@ impl PhotonMapIntegrator<'_> {
                 pass.counters += counters;
             }
             let places: Vec<Place> = candidates.iter().map(|candidate| candidate.place).collect();
+            let rays = batch.rays(request.rays);
             let computed: Vec<(Option<Record>, Counters)> = filling
                 .choose(&places)
                 .into_par_iter()
                 .with_max_len(1)
                 .map_init(Scratch::default, |scratch, chosen| {
-                    let record =
-                        if should_stop() { None } else { self.record(request, &candidates[chosen], scratch) };
+                    let record = if should_stop() {
+                        None
+                    } else {
+                        self.record(request, rays, &candidates[chosen], scratch)
+                    };
                     (record, std::mem::take(&mut scratch.counters))
                 })
                 .collect();
@@ -213,6 +231,7 @@ impl PhotonMapIntegrator<'_> {
     fn record(
         &self,
         request: &CacheRequest<'_>,
+        rays: u32,
         candidate: &Candidate,
         scratch: &mut Scratch,
     ) -> Option<Record> {
@@ -223,7 +242,7 @@ impl PhotonMapIntegrator<'_> {
                 let pixel = u64::from(y) << 32 | u64::from(x);
                 let rng =
                     Rng::new(request.seed, Stream::IrradianceCache, mix(pixel) ^ u64::from(found.number));
-                let irradiance = self.hemisphere(vertex, Hemisphere::with_rays(request.rays), rng, scratch);
+                let irradiance = self.hemisphere(vertex, Hemisphere::with_rays(rays), rng, scratch);
                 record = Some(Record { place: found.place, irradiance });
             }
         });

@@ -341,10 +341,10 @@ impl PhotonMapIntegrator<'_> {
         let mut samples = SampleStream::new(key, u64::from(recursion), 0);
         let directions = self.directions(at, scratch);
         let direct = self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch);
-        let caustics = self.caustics_behind(at, direct.diffuse, scratch);
         let point = [samples.splits(1).get_4d(0)].into_iter();
         let gathered = self.gather_from(at, &directions, point, (true, recursion + 1), scratch);
-        direct.diffuse + gathered.direct + caustics + gathered.indirect
+        let other = direct.diffuse + gathered.direct + gathered.indirect;
+        other + self.caustics_behind(at, other, scratch)
     }
 
     /// Radiance of a diffuse surface read from the global map; `None` where that rests on too few photons.

@@ -41,7 +41,8 @@ pub(super) fn reflected_estimate(
     let wo = shading.wo_local;
     let f =
         |wi: Vec3| shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance);
-    let (map, query, params) = what;
+    // Weighing each photon by the BRDF twice costs more than the feelers that it might save.
+    let (map, query, params) = (what.0, &Query { faint: 0.0, ..*what.1 }, what.2);
     let estimate = |photons: &mut PhotonScratch, domain: &mut Feel<'_>| {
         map.estimate_radiance_visible(query, params, photons, domain, f)
     };

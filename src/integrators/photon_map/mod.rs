@@ -94,7 +94,8 @@ impl PhotonMapSettings {
     /// times as many as are wanted: beyond that caustics are so faint that one photon more or less changes nothing, and what
     /// a wide search meets is the foci of others. Rounds of progressive rendering have a law of their own.
     ///
-    /// Where only a share of a camera sample arrives fewer photons serve, since their noise counts by that share.
+    /// Where only a `share` of a camera sample arrives fewer photons serve, and half the reach, since their noise counts by that
+    /// share.
     pub fn caustic_query(&self, map: &PhotonMap, position: Vec3, normal: Vec3, share: f32) -> Query {
         let least = self.caustic_nearest.min(LEAST_CAUSTIC_NEAREST);
         let wanted = ((self.caustic_nearest as f32 * share).ceil() as u32).clamp(least, self.caustic_nearest);
@@ -106,7 +107,8 @@ impl PhotonMapSettings {
             return query;
         }
         let of_all = wanted as f32 / map.len().max(1) as f32;
-        Query { max_radius: query.max_radius.min(4.0 * self.scene_radius * of_all.sqrt()), ..query }
+        let reach = (2.0 + 2.0 * share.min(1.0)) * self.scene_radius * of_all.sqrt();
+        Query { max_radius: query.max_radius.min(reach), ..query }
     }
 
     fn query(&self, position: Vec3, normal: Vec3, nearest: u32, radius: Option<f32>) -> Query {
@@ -140,11 +142,11 @@ pub struct PhotonMaps {
 /// Photons of a caustic estimate that counts for little in a camera sample.
 const LEAST_CAUSTIC_NEAREST: u32 = 32;
 
-/// Caustics fainter than this, as a share of the other light of the camera sample, are estimated over the whole disc: what
+/// Caustics fainter than this, as a share of the direct light of the camera sample, are estimated over the whole disc: what
 /// cannot be seen from its centre changes them by less than any eye sees.
 const FAINT_CAUSTICS: f32 = 0.005;
 
-/// The same as a share of the other light at one surface, however little of that arrives.
+/// The same as a share of the light at one surface, however little of that arrives.
 const FAINTEST_HERE: f32 = 0.1;
 
 /// Pass 2.
@@ -196,7 +198,7 @@ impl<'a> PhotonMapIntegrator<'a> {
 
     /// Radiance of caustics up to which their visibility is not asked for, where `other` light leaves a vertex.
     fn faint_caustics(vertex: &Vertex<'_>, other: Rgb) -> f32 {
-        (FAINT_CAUSTICS / vertex.share.max(FAINT_CAUSTICS)).min(FAINTEST_HERE) * other.min_element()
+        (FAINT_CAUSTICS / vertex.share.max(FAINT_CAUSTICS)).min(FAINTEST_HERE) * (other.element_sum() / 3.0)
     }
 
     /// Third integral: the caustic map, shown directly, beside `other` light that leaves the vertex. And by how much that is
@@ -324,7 +326,8 @@ impl<'a> PhotonMapIntegrator<'a> {
         let (mut caustics, mut gathered) = (Rgb::ZERO, Gain::default());
         if has_diffuse {
             gathered = self.indirect(vertex, &directions, samples, scratch);
-            let other = by_light.diffuse + gathered.direct + gathered.indirect;
+            // Without indirect light, so that an irradiance cache changes that alone.
+            let other = by_light.diffuse + gathered.direct;
             let bias;
             (caustics, bias) = self.shared_caustics(vertex, other, scratch);
             scratch.bias = bias + gathered.bias;

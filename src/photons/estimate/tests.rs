@@ -131,6 +131,29 @@ fn half_at_an_edge_and_a_quarter_in_a_corner() {
     }
 }
 
+#[test]
+fn faint_estimates_do_not_ask_what_is_seen() {
+    let map = PhotonMap::build(square(5000, 0.0, Vec3::Y, 0), 5000);
+    let params = corrected(Kernel::Constant);
+    let mut scratch = Scratch::default();
+    let mut asked = |faint: f32| {
+        let query = Query { faint, ..Query::nearest(Vec3::new(0.5, 0.0, 0.5), Vec3::Y, 50) };
+        let mut times = 0;
+        let felt = |_| {
+            times += 1;
+            None
+        };
+        let estimate = map.estimate_irradiance_visible(&query, &params, &mut scratch, felt);
+        (estimate, times)
+    };
+    let (usual, times) = asked(0.0);
+    assert_eq!(times, 1);
+    let brightest = usual.value.max_element();
+    assert_eq!(asked(0.99 * brightest), (usual, 1));
+    // The same photons over the same disc.
+    assert_eq!(asked(1.01 * brightest), (usual, 0));
+}
+
 /// Mean of estimates by both regions over that of uniform flux, on a surface of area `area` that `on_surface`
 /// draws points and normals of.
 fn on_curved(area: f64, n: usize, on_surface: impl Fn(&mut Rng) -> (Vec3, Vec3)) -> [f64; 2] {

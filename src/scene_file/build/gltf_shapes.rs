@@ -39,7 +39,7 @@ fn placements(model: &SceneDescription, shape: &ShapeDescription) -> Vec<DAffine
     }
 }
 
-fn with_normals(mesh: &Arc<TriangleMesh>, normals: MeshNormals) -> Arc<TriangleMesh> {
+pub(super) fn with_normals(mesh: &Arc<TriangleMesh>, normals: MeshNormals) -> Arc<TriangleMesh> {
     match normals {
         MeshNormals::FromFile => Arc::clone(mesh),
         MeshNormals::Flat => Arc::new(TriangleMesh { normals: None, ..TriangleMesh::clone(mesh) }),

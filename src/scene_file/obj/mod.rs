@@ -1,25 +1,23 @@
-//! OBJ meshes (Wavefront 1992): `v`, `vn`, `f` with indices that count from the start or back from the line, `usemtl` and
-//! `mtllib`. Polygons become fans of triangles (see [`super::mesh::triangulate_polygon`] for concave ones). Lines, points,
+//! OBJ meshes (Wavefront 1992): `v`, `vt`, `vn`, `f` with indices that count from the start or back from the line, `usemtl` and
+//! `mtllib`, parsed on all threads. Polygons become fans of triangles (see [`super::mesh::triangulate_polygon`] for concave ones). Lines, points,
 //! curves and smoothing groups are not read; what is no triangle is counted.
 //!
 //! Own, as the crates on offer tell no line of what is wrong. What a file declares by its indices is checked against what it
 //! has given before; memory stays below 64 times its length.
 
 mod mtl;
+mod piece;
 
-pub use mtl::{MtlFinish, MtlMaterial, parse_mtl_bytes, read_mtl};
+pub use mtl::{MtlFinish, MtlMaterial, MtlPicture, parse_mtl_bytes, read_mtl};
 
+use super::keyed::Keyed;
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
-use super::mesh_file::{
-    Failure, MeshFileError, MeshPlace, MeshReading, in_file, number, read_bytes, shown, words,
-};
-use crate::math::unit;
-use glam::{DVec3, Vec3};
+use super::mesh_file::{Failure, MeshFileError, MeshPlace, MeshReading, in_file, read_bytes, words};
+use glam::{Vec2, Vec3};
+use piece::{Corner, NONE, parse_pieces};
 use std::collections::HashMap;
+use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
-
-/// Lines from one word of progress to the next.
-const TOLD: usize = 1 << 15;
 
 /// The faces of one material.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,6 +35,8 @@ pub struct ObjFile {
     pub positions: Positions,
     /// Unit normals of them, where a face names some; zero where it does not or they are of no use.
     pub normals: Option<Vec<Vec3>>,
+    /// Texture coordinates of them, finite, from the lower left of a picture; zero where a face names none.
+    pub uvs: Option<Vec<Vec2>>,
     /// By material, in the order of the file.
     pub parts: Vec<ObjPart>,
     /// Files of materials, relative to the OBJ's folder, and the lines that name them.
@@ -50,12 +50,17 @@ pub struct ObjFile {
 /// # Errors
 /// With the file, the line, what is wrong and what to do.
 pub fn read_obj(path: &Path) -> Result<ObjFile, MeshFileError> {
-    read_obj_with(path, &MeshReading::ALL)
+    read_obj_with(path, &MeshReading::ALL, |_| true)
 }
 
-/// [`read_obj`], followed by somebody who may stop it.
-pub(super) fn read_obj_with(path: &Path, reading: &MeshReading<'_>) -> Result<ObjFile, MeshFileError> {
-    parse_obj(&read_bytes(path)?, reading).map_err(|failure| in_file(path, failure))
+/// [`read_obj`], followed by somebody who may stop it. Texture coordinates are kept where `wants_uvs` says so of the files of
+/// materials and the lines that name them.
+pub(super) fn read_obj_with(
+    path: &Path,
+    reading: &MeshReading<'_>,
+    wants_uvs: impl FnOnce(&[(PathBuf, usize)]) -> bool,
+) -> Result<ObjFile, MeshFileError> {
+    parse_obj(&read_bytes(path)?, reading, wants_uvs).map_err(|failure| in_file(path, failure))
 }
 
 /// Parses the bytes of an OBJ file; `path` is only for messages.
@@ -63,10 +68,10 @@ pub(super) fn read_obj_with(path: &Path, reading: &MeshReading<'_>) -> Result<Ob
 /// # Errors
 /// As [`read_obj`].
 pub fn parse_obj_bytes(bytes: &[u8], path: &Path) -> Result<ObjFile, MeshFileError> {
-    parse_obj(bytes, &MeshReading::ALL).map_err(|failure| in_file(path, failure))
+    parse_obj(bytes, &MeshReading::ALL, |_| true).map_err(|failure| in_file(path, failure))
 }
 
-/// The files of materials that an OBJ names; none for other files.
+/// The files of materials that an OBJ names, and the pictures that these name; none for other files.
 ///
 /// # Errors
 /// Where it cannot be read.
@@ -78,14 +83,24 @@ pub fn material_files(path: &Path) -> std::io::Result<Vec<PathBuf>> {
     let bytes = std::fs::read(path)?;
     let lines = bytes.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
     let names = lines.filter(|line| words(line).next() == Some(b"mtllib"));
-    Ok(names.map(|line| folder.join(&*String::from_utf8_lossy(rest(line, b"mtllib")))).collect())
+    let mut files = Vec::new();
+    for line in names {
+        let library = folder.join(&*String::from_utf8_lossy(rest(line, b"mtllib")));
+        let materials = read_mtl(&library).unwrap_or_default();
+        let folder = library.parent().unwrap_or(Path::new("")).to_path_buf();
+        files.push(library);
+        let pictures = materials.into_iter().filter_map(|material| material.picture);
+        files.extend(pictures.map(|picture| folder.join(picture.file)));
+    }
+    Ok(files)
 }
 
 impl ObjFile {
     /// All parts as one mesh.
     pub fn into_mesh(self) -> (TriangleMesh, MeshReport) {
         let triangles = self.parts.into_iter().flat_map(|part| part.triangles).collect();
-        let mesh = TriangleMesh { positions: self.positions, triangles, normals: self.normals, uvs: None };
+        let mesh =
+            TriangleMesh { positions: self.positions, triangles, normals: self.normals, uvs: self.uvs };
         (mesh, self.report)
     }
 
@@ -107,205 +122,146 @@ impl ObjFile {
             let normals = self.normals.as_ref();
             let normals =
                 normals.map(|normals| used.iter().map(|&vertex| normals[vertex as usize]).collect());
+            let uvs = self.uvs.as_ref();
+            let uvs = uvs.map(|uvs| used.iter().map(|&vertex| uvs[vertex as usize]).collect());
             used.iter().for_each(|&vertex| numbers[vertex as usize] = u32::MAX);
             let positions = Positions::Double(positions);
-            meshes.push((
-                part.material,
-                TriangleMesh { positions, triangles: part.triangles, normals, uvs: None },
-            ));
+            meshes.push((part.material, TriangleMesh { positions, triangles: part.triangles, normals, uvs }));
         }
         meshes
     }
 }
 
-/// What has been read so far.
+/// Vertices of a mesh, by what its corners name.
 #[derive(Default)]
-struct Reader {
-    positions: Vec<DVec3>,
-    normals: Vec<Vec3>,
-    /// Number of `vt` lines.
-    coordinates: usize,
-    /// Vertices of the mesh: a position, and a normal or `u32::MAX`.
-    vertices: Vec<(u32, u32)>,
-    /// Vertex of each position whose corner names no normal, or `u32::MAX`: most files need no other table.
-    plain: Vec<u32>,
-    /// Vertex of each position and normal that are named together.
-    numbers: HashMap<(u32, u32), u32>,
-    parts: Vec<ObjPart>,
-    part_numbers: HashMap<String, usize>,
-    current: Option<usize>,
-    libraries: Vec<(PathBuf, usize)>,
-    report: MeshReport,
-    corners: Vec<u32>,
+struct Vertices {
+    /// What each vertex is: a position, a coordinate and a normal or [`NONE`].
+    all: Vec<Corner>,
+    /// Coordinate and normal that the first corner at each position names, and the vertex that this made: most files need no
+    /// other table.
+    first: Vec<Corner>,
+    /// Vertex of other corners.
+    others: HashMap<Named, u32, Keyed>,
 }
 
-/// Parses the bytes of an OBJ file.
-pub(super) fn parse_obj(bytes: &[u8], reading: &MeshReading<'_>) -> Result<ObjFile, Failure> {
-    let mut reader = Reader::default();
-    let mut joined = Vec::new();
-    let mut at = 0;
-    for (index, text) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        if index % TOLD == 0 {
-            reading.reached(at, bytes)?;
-        }
-        at += text.len() + 1;
-        let text = text.trim_ascii();
-        // A line that ends in a backslash goes on in the next one.
-        if let Some(start) = text.strip_suffix(b"\\") {
-            joined.extend_from_slice(start);
-            joined.push(b' ');
-            continue;
-        }
-        if joined.is_empty() {
-            reader.line(text, index + 1)?;
-        } else {
-            joined.extend_from_slice(text);
-            reader.line(&joined, index + 1)?;
-            joined.clear();
-        }
+/// A corner as a key.
+#[derive(PartialEq, Eq)]
+struct Named(Corner);
+
+impl Hash for Named {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let [position, coordinate, normal] = self.0;
+        state.write_u64(u64::from(position) << 32 | u64::from(coordinate));
+        state.write_u32(normal);
     }
-    reader.line(&joined, bytes.split(|&byte| byte == b'\n').count())?;
-    Ok(reader.finish())
 }
 
-impl Reader {
-    fn line(&mut self, text: &[u8], line: usize) -> Result<(), Failure> {
-        let mut parts = words(text);
-        let Some(keyword) = parts.next() else { return Ok(()) };
-        match keyword {
-            b"v" => {
-                let mut position = [0.0; 3];
-                for (value, axis) in position.iter_mut().zip(["x", "y", "z"]) {
-                    *value = number(parts.next(), line, &format!("{axis} of the vertex"))?;
-                }
-                self.positions.push(DVec3::from_array(position));
+impl Vertices {
+    fn number(&mut self, corner: Corner) -> Result<u32, Failure> {
+        let [position, coordinate, normal] = corner;
+        let first = &mut self.first[position as usize];
+        let next = self.all.len() as u32;
+        if first[2] != NONE {
+            if first[..2] == [coordinate, normal] {
+                return Ok(first[2]);
             }
-            b"vn" => {
-                let mut normal = [0.0; 3];
-                for (value, axis) in normal.iter_mut().zip(["x", "y", "z"]) {
-                    *value = number(parts.next(), line, &format!("{axis} of the normal"))? as f32;
-                }
-                self.normals.push(unit(Vec3::from_array(normal)).unwrap_or(Vec3::ZERO));
+            if let Some(&known) = self.others.get(&Named(corner)) {
+                return Ok(known);
             }
-            b"vt" => self.coordinates += 1,
-            b"f" => self.face(parts, line)?,
-            b"l" | b"p" | b"curv" | b"curv2" | b"surf" => self.report.other_elements += 1,
-            b"usemtl" => {
-                let name = String::from_utf8_lossy(rest(text, keyword)).into_owned();
-                let next = self.parts.len();
-                let part = *self.part_numbers.entry(name.clone()).or_insert(next);
+        }
+        if next == NONE {
+            return Err((MeshPlace::File, "more corners than 32 bits can count; split the mesh".to_owned()));
+        }
+        if first[2] == NONE {
+            *first = [coordinate, normal, next];
+        } else {
+            self.others.insert(Named(corner), next);
+        }
+        self.all.push(corner);
+        Ok(next)
+    }
+}
+
+/// Parses the bytes of an OBJ file. Texture coordinates are kept where `wants_uvs` says so of the files of materials.
+pub(super) fn parse_obj(
+    bytes: &[u8],
+    reading: &MeshReading<'_>,
+    wants_uvs: impl FnOnce(&[(PathBuf, usize)]) -> bool,
+) -> Result<ObjFile, Failure> {
+    let mut pieces = parse_pieces(bytes, reading)?;
+    let libraries: Vec<_> =
+        pieces.iter_mut().flat_map(|piece| std::mem::take(&mut piece.libraries)).collect();
+    let keeps_uvs = reading.uvs && wants_uvs(&libraries);
+    let keeps_normals = reading.normals;
+    let mut positions = Vec::with_capacity(pieces.iter().map(|piece| piece.positions.len()).sum());
+    let (mut coordinates, mut normals) = (Vec::new(), Vec::new());
+    for piece in &mut pieces {
+        positions.append(&mut piece.positions);
+        coordinates.append(&mut piece.coordinates);
+        normals.append(&mut piece.normals);
+    }
+    let mut vertices = Vertices { first: vec![[NONE; 3]; positions.len()], ..Vertices::default() };
+    let mut report = MeshReport::default();
+    let mut parts: Vec<ObjPart> = Vec::new();
+    let mut numbers_of_parts: HashMap<String, usize> = HashMap::new();
+    let mut current = None;
+    let mut numbers = Vec::new();
+    for piece in pieces {
+        report.other_elements += piece.other_elements;
+        let mut materials = piece.materials.into_iter().peekable();
+        let mut start = 0;
+        // One more turn, for what stands behind the last face.
+        for face in 0..=piece.ends.len() {
+            while let Some((_, name)) = materials.next_if(|(before, _)| *before == face) {
+                let next = parts.len();
+                let part = *numbers_of_parts.entry(name.clone()).or_insert(next);
                 if part == next {
-                    self.parts.push(ObjPart { material: Some(name), triangles: Vec::new() });
+                    parts.push(ObjPart { material: Some(name), triangles: Vec::new() });
                 }
-                self.current = Some(part);
+                current = Some(part);
             }
-            b"mtllib" => {
-                let name = String::from_utf8_lossy(rest(text, keyword)).into_owned();
-                self.libraries.push((PathBuf::from(name), line));
+            let Some(&end) = piece.ends.get(face) else { break };
+            numbers.clear();
+            for &[position, coordinate, normal] in &piece.corners[start as usize..end as usize] {
+                let coordinate = if keeps_uvs { coordinate } else { NONE };
+                let normal = if keeps_normals { normal } else { NONE };
+                numbers.push(vertices.number([position, coordinate, normal])?);
             }
-            // Names, groups, smoothing, comments, and what a mesh does not need.
-            _ => {}
+            start = end;
+            report.short_faces += u64::from(numbers.len() < 3);
+            let part = *current.get_or_insert_with(|| {
+                parts.push(ObjPart::default());
+                parts.len() - 1
+            });
+            triangulate_polygon(&numbers, &mut parts[part].triangles);
         }
-        Ok(())
     }
-
-    fn face<'a>(&mut self, corners: impl Iterator<Item = &'a [u8]>, line: usize) -> Result<(), Failure> {
-        let mut numbers = std::mem::take(&mut self.corners);
-        numbers.clear();
-        for corner in corners {
-            // A comment at the end of the line.
-            if corner.starts_with(b"#") {
-                break;
-            }
-            numbers.push(self.corner(corner, line)?);
-        }
-        self.report.short_faces += u64::from(numbers.len() < 3);
-        let part = match self.current {
-            Some(part) => part,
-            None => {
-                self.parts.push(ObjPart::default());
-                *self.current.insert(self.parts.len() - 1)
-            }
-        };
-        triangulate_polygon(&numbers, &mut self.parts[part].triangles);
-        self.corners = numbers;
-        Ok(())
+    let Vertices { all, first, others } = vertices;
+    drop((first, others));
+    let of_all = |named: usize| all.iter().any(|vertex| vertex[named] != NONE);
+    let uvs = of_all(1).then(|| {
+        let of = |vertex: &Corner| coordinates.get(vertex[1] as usize).copied().unwrap_or(Vec2::ZERO);
+        all.iter().map(of).collect::<Vec<Vec2>>()
+    });
+    let normals = of_all(2).then(|| {
+        let of = |vertex: &Corner| normals.get(vertex[2] as usize).copied().unwrap_or(Vec3::ZERO);
+        all.iter().map(of).collect::<Vec<Vec3>>()
+    });
+    if let Some(normals) = &normals {
+        let named = all.iter().zip(normals).filter(|(vertex, _)| vertex[2] != NONE);
+        report.unusable_normals = named.filter(|(_, normal)| **normal == Vec3::ZERO).count() as u64;
     }
-
-    /// `position`, `position/coordinate`, `position//normal` or `position/coordinate/normal`.
-    fn corner(&mut self, text: &[u8], line: usize) -> Result<u32, Failure> {
-        let mut parts = text.split(|&byte| byte == b'/');
-        let position = index(parts.next().unwrap_or_default(), self.positions.len(), "vertices", line)?;
-        if let Some(part) = parts.next().filter(|part| !part.is_empty()) {
-            index(part, self.coordinates, "texture coordinates", line)?;
-        }
-        let normal = match parts.next().filter(|part| !part.is_empty()) {
-            Some(part) => index(part, self.normals.len(), "normals", line)?,
-            None => u32::MAX,
-        };
-        let next = self.vertices.len() as u32;
-        let known = if normal == u32::MAX {
-            self.plain.resize(self.positions.len(), u32::MAX);
-            &mut self.plain[position as usize]
-        } else {
-            self.numbers.entry((position, normal)).or_insert(u32::MAX)
-        };
-        if *known == u32::MAX {
-            self.vertices.push((position, normal));
-            *known = next;
-        }
-        let number = *known;
-        if number == u32::MAX {
-            return Err((
-                MeshPlace::Line(line),
-                "more corners than 32 bits can count; split the mesh".to_owned(),
-            ));
-        }
-        Ok(number)
+    let places = all.iter().map(|vertex| positions[vertex[0] as usize].to_array());
+    let positions = Positions::Double(places.collect());
+    for part in &mut parts {
+        drop_unusable(&mut part.triangles, &positions, &mut report);
     }
-
-    fn finish(self) -> ObjFile {
-        let Self { positions, normals, vertices, mut parts, libraries, mut report, numbers, plain, .. } =
-            self;
-        drop((numbers, plain));
-        let has_normals = vertices.iter().any(|&(_, normal)| normal != u32::MAX);
-        let normals = has_normals.then(|| {
-            let of = |&(_, normal): &(u32, u32)| normals.get(normal as usize).copied().unwrap_or(Vec3::ZERO);
-            vertices.iter().map(of).collect::<Vec<Vec3>>()
-        });
-        if let Some(normals) = &normals {
-            let named = vertices.iter().zip(normals).filter(|(vertex, _)| vertex.1 != u32::MAX);
-            report.unusable_normals = named.filter(|(_, normal)| **normal == Vec3::ZERO).count() as u64;
-        }
-        let places = vertices.iter().map(|&(position, _)| positions[position as usize].to_array());
-        let positions = Positions::Double(places.collect());
-        for part in &mut parts {
-            drop_unusable(&mut part.triangles, &positions, &mut report);
-        }
-        ObjFile { positions, normals, parts, libraries, report }
-    }
+    Ok(ObjFile { positions, normals, uvs, parts, libraries, report })
 }
 
 /// What follows the keyword.
 fn rest<'a>(text: &'a [u8], keyword: &[u8]) -> &'a [u8] {
     text.get(keyword.len()..).unwrap_or_default().trim_ascii()
-}
-
-/// An index of one of `count` things, from 0: the file counts from 1, or back from the last with negative numbers.
-fn index(text: &[u8], count: usize, things: &str, line: usize) -> Result<u32, Failure> {
-    let fail = |problem: String| Err((MeshPlace::Line(line), problem));
-    let Some(number) = std::str::from_utf8(text).ok().and_then(|text| text.parse::<i64>().ok()) else {
-        let shown = shown(text);
-        return fail(format!("`{shown}` is not a number of a corner; mend the line or write the file again"));
-    };
-    let from_start = if number < 0 { count as i64 + number } else { number - 1 };
-    match u32::try_from(from_start).ok().filter(|&at| (at as usize) < count && at < u32::MAX) {
-        Some(at) => Ok(at),
-        None => fail(format!(
-            "{number} is not one of the {count} {things} before this line, counted from 1, or back from -1; write the \
-             mesh again"
-        )),
-    }
 }
 
 #[cfg(test)]

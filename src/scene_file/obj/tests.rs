@@ -3,7 +3,7 @@ use super::*;
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
 fn parse(text: &str) -> Result<ObjFile, String> {
-    parse_obj(text.as_bytes(), &MeshReading::ALL)
+    parse_obj(text.as_bytes(), &MeshReading::ALL, |_| true)
         .map_err(|(place, problem)| format!("x.obj{place}: {problem}"))
 }
 
@@ -22,8 +22,8 @@ fn faces_normals_and_materials() {
         (obj.report.short_faces, obj.report.degenerate_triangles, obj.report.other_elements),
         (1, 1, 1)
     );
-    // Positions with and without a normal are two vertices; those with it have it.
-    assert_eq!(obj.positions.len(), 3 + 4 + 1);
+    // Positions with and without a normal or a coordinate are two vertices; those with it have it.
+    assert_eq!(obj.positions.len(), 3 + 4 + 2);
     let normals = obj.normals.as_ref().unwrap();
     assert_eq!(obj.parts[0].triangles[0].map(|v| normals[v as usize]), [Vec3::Z; 3]);
     let meshes = obj.clone().into_meshes();
@@ -92,4 +92,44 @@ fn materials_become_the_nearest() {
     std::fs::write(&path, "newmtl a\nKd 1 x 1").unwrap();
     let message = read_mtl(&path).unwrap_err().to_string();
     assert!(message.contains("a.mtl:2: `x`"), "{message}");
+}
+
+#[test]
+fn pictures_light_and_what_is_not_read() {
+    let text = "newmtl a\nKe 1 2 3\nmap_Kd -s 2 3 1 -o 0.5 -blendu off -mm 0 1 -clamp on maps\\bark 1.png\nmap_Ka x.png\n\
+        map_Bump -bm 0.2 b.png\nnorm n.png\nKa 1 1 1\nnewmtl b\nmap_Kd 2.png\n";
+    let materials = parse_mtl_bytes(text.as_bytes(), Path::new("a.mtl")).unwrap();
+    let picture = MtlPicture {
+        file: PathBuf::from("maps/bark 1.png"),
+        scale: Vec2::new(2.0, 3.0),
+        offset: Vec2::new(0.5, 0.0),
+        clamped: true,
+    };
+    assert_eq!(materials[0].picture.as_ref(), Some(&picture));
+    assert_eq!(materials[0].emission, Vec3::new(1.0, 2.0, 3.0));
+    assert_eq!(materials[0].unread, [("map_Bump".to_owned(), 5), ("norm".to_owned(), 6)]);
+    assert_eq!(materials[1].picture.as_ref().unwrap().file, PathBuf::from("2.png"));
+    assert!(materials[1].unread.is_empty());
+    for empty in ["newmtl a\nmap_Kd\n", "newmtl a\nmap_Kd -s 1 1 1\n"] {
+        let message = parse_mtl_bytes(empty.as_bytes(), Path::new("a.mtl")).unwrap_err().to_string();
+        assert!(message.contains("a.mtl:2: no picture"), "{message}");
+    }
+}
+
+#[test]
+fn coordinates_are_kept_where_they_are_wanted() {
+    let text = format!("{SQUARE}mtllib m.mtl\nvt 0 0\nvt 1\nvt 0.5 nan\nf 1/1 2/2 3/3\nf 1/2 3/3 4\n");
+    let obj = parse(&text).unwrap();
+    let uvs = obj.uvs.as_ref().unwrap();
+    let corners: Vec<_> = obj.parts[0].triangles.iter().map(|t| t.map(|v| uvs[v as usize])).collect();
+    let (zero, one) = (Vec2::ZERO, Vec2::X);
+    assert_eq!(corners, [[zero, one, zero], [one, zero, zero]]);
+    // The first position is two vertices, as it has two coordinates.
+    assert_eq!(obj.positions.len(), 5);
+    let plain = parse_obj(text.as_bytes(), &MeshReading::ALL, |libraries| {
+        assert_eq!(libraries, [(PathBuf::from("m.mtl"), 5)]);
+        false
+    });
+    let plain = plain.unwrap();
+    assert_eq!((plain.positions.len(), plain.uvs), (4, None));
 }
