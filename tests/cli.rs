@@ -687,8 +687,9 @@ fn rounds_are_kept_and_gone_on_with() {
         let args = args(more);
         run(&folder, &args.iter().map(String::as_str).collect::<Vec<_>>())
     };
-    let output = shoot(&["--rounds", "2", "-o", "a.exr"]);
+    let output = shoot(&["--rounds", "2", "--adaptive", "-o", "a.exr"]);
     assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--adaptive has no effect"), "{}", stderr(&output));
     let output = shoot(&["--rounds", "4", "--resume", "kept", "-o", "b.exr"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let statistics: Value =

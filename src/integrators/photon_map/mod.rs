@@ -142,7 +142,7 @@ pub struct PhotonMaps {
 /// Photons of a caustic estimate that counts for little in a camera sample.
 const LEAST_CAUSTIC_NEAREST: u32 = 32;
 
-/// Caustics fainter than this, as a share of the direct light of the camera sample, are estimated over the whole disc: what
+/// Caustics fainter than this, as a share of the other light of the camera sample, are estimated over the whole disc: what
 /// cannot be seen from its centre changes them by less than any eye sees.
 const FAINT_CAUSTICS: f32 = 0.005;
 
@@ -326,8 +326,9 @@ impl<'a> PhotonMapIntegrator<'a> {
         let (mut caustics, mut gathered) = (Rgb::ZERO, Gain::default());
         if has_diffuse {
             gathered = self.indirect(vertex, &directions, samples, scratch);
-            // Without indirect light, so that an irradiance cache changes that alone.
-            let other = by_light.diffuse + gathered.direct;
+            // Of what the eye sees itself without indirect light, so that an irradiance cache changes that alone.
+            let indirect = if vertex.depth > 1 { gathered.indirect } else { Rgb::ZERO };
+            let other = by_light.diffuse + gathered.direct + indirect;
             let bias;
             (caustics, bias) = self.shared_caustics(vertex, other, scratch);
             scratch.bias = bias + gathered.bias;
