@@ -3,6 +3,7 @@
 # scenes. Needs a built program; takes an hour or more on two cores, and goes on where it stopped (out/quality).
 #
 #   benches/quality.sh [BUDGET] [SIZE] >docs/quality.md.new     time for each scene (10m), pixels of the scenes without references (128x128)
+#   SCENES="cornell-diffuse cardioid" benches/quality.sh 3m     some of the scenes
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 program=${CARDIOID:-target/release/cardioid}
@@ -22,8 +23,9 @@ The front is what no other of the renders beats in both processor time and error
 budget.
 
 END
-for file in scenes/*.toml; do
-    scene=$(basename "$file" .toml)
+all=$(for file in scenes/*.toml; do basename "$file" .toml; done)
+for scene in ${SCENES:-$all}; do
+    file=scenes/$scene.toml
     out=out/quality/$scene
     mkdir -p "$out"
     if [ -d "tests/reference/$scene" ]; then

@@ -690,7 +690,7 @@ fn rounds_are_kept_and_gone_on_with() {
     let output = shoot(&["--rounds", "2", "--adaptive", "-o", "a.exr"]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(stderr(&output).contains("--adaptive has no effect"), "{}", stderr(&output));
-    let output = shoot(&["--rounds", "4", "--resume", "kept", "-o", "b.exr"]);
+    let output = shoot(&["--rounds", "4", "--adaptive", "--resume", "kept", "-o", "b.exr"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let statistics: Value =
         serde_json::from_str(&fs::read_to_string(folder.path().join("s.json")).unwrap()).unwrap();
