@@ -83,7 +83,9 @@ fn texts(bytes: &[u8]) -> Vec<&[u8]> {
 
 /// Whether a text ends with a line that does not go on in the next one.
 fn ends_statement(text: &[u8]) -> bool {
-    let Some(line) = text.strip_suffix(b"\n") else { return false };
+    let Some(text) = text.strip_suffix(b"\n") else { return false };
+    // Of the last line alone: what is before it was looked at already, and may be long.
+    let line = text.rsplit(|&byte| byte == b'\n').next().unwrap_or_default();
     !line.trim_ascii_end().ends_with(b"\\")
 }
 
@@ -292,6 +294,9 @@ mod tests {
         let line = "f 1 2 3 \\\n";
         let text = line.repeat(PIECE / line.len() + 5);
         assert_eq!(texts(text.as_bytes()).len(), 1);
+        // A blank line ends one; looking back past blank lines would take for ever here.
+        let blank = format!("f 1 2 3 \\\n{}", "\n".repeat(8 * PIECE));
+        assert_eq!(texts(blank.as_bytes()).len(), 9);
         let found: Vec<_> = statements(b"v 1 \\\n2 \\ \n 3\nvt 1\n\\").collect();
         assert_eq!(found[0], (2, Cow::Borrowed(b"v 1  2  3" as &[u8])));
         assert_eq!(found[1], (3, Cow::Borrowed(b"vt 1" as &[u8])));
