@@ -83,6 +83,15 @@ fn pictures_lie_as_they_were_meant_to() {
     let (image, _) = render(folder, obj, &mtl("-clamp on ", "Ks 0.1 0.1 0.1\nNs 50\n"));
     let [glossy, ..] = corners(&image);
     assert!(glossy[0] > 0.45 && (0.05..0.2).contains(&glossy[1]) && glossy[1] == glossy[2], "{glossy:?}");
+    // Faces that cannot show it are told.
+    let bare = obj.replace("1/1/1 2/2/1 3/3/1 4/4/1", "1 2 3 4");
+    let (image, told) = render(folder, &bare, &mtl("", ""));
+    assert!(near(corners(&image), [white; 4]), "{:?}", corners(&image));
+    assert!(told.contains("`painted` is not used") && told.contains("no texture coordinates"), "{told}");
+    let (_, told) = render(folder, &format!("{obj}f 1 2 3\n"), &mtl("", ""));
+    assert!(told.contains("of one colour, that of its corner, on 1 of 2 faces"), "{told}");
+    let (_, told) = render(folder, obj, &mtl("", "d 0.2\nNi 1.5\n"));
+    assert!(told.contains("`painted` is not used: glass and mirrors"), "{told}");
     // A picture that is missing is told, and the rest of the material stays.
     fs::remove_dir_all(folder.join("maps")).unwrap();
     let (image, told) = render(folder, obj, &mtl("", ""));

@@ -59,8 +59,8 @@ def render_with_mitsuba(mesh, spp, size, out):
     from mitsuba import ScalarTransform4f as T
 
     low, high = bounds(mesh)
-    scale = 1.0 / max(high - low)
-    at = [-scale * 0.5 * (low[0] + high[0]), -scale * low[1], -scale * 0.5 * (low[2] + high[2])]
+    scale = float(1.0 / max(high - low))
+    at = [float(v) for v in (-0.5 * scale * (low[0] + high[0]), -scale * low[1], -0.5 * scale * (low[2] + high[2]))]
     diffuse = lambda colour: {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}}
     scene = mi.load_dict({
         "type": "scene",

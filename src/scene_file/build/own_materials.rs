@@ -10,7 +10,7 @@ use crate::scene_file::description::{
     SceneDescription, SceneWarning, ShapeDescription,
 };
 use crate::scene_file::mesh::TriangleMesh;
-use crate::scene_file::obj::{MtlFinish, MtlMaterial, MtlPicture, read_mtl, read_obj_with};
+use crate::scene_file::obj::{MtlFinish, MtlMaterial, MtlPicture, ObjPart, read_mtl, read_obj_with};
 use crate::textures::{Encoding, ImageTexture, Sampler, TextureSlot, VertexData, Wrap};
 use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec3};
 use std::collections::HashMap;
@@ -51,8 +51,7 @@ pub(super) fn take_apart(
                 });
                 let obj = obj.map_err(|problem| error(problem.into()))?;
                 obj.report.findings().into_iter().for_each(&mut warn);
-                let used = obj.parts.iter().filter_map(|part| part.material.as_deref());
-                let materials = add_materials(&mut taken, shape, &found, used);
+                let materials = add_materials(&mut taken, shape, &found, &obj.parts);
                 let parts = obj.into_meshes();
                 let bounds =
                     parts.iter().fold(crate::math::Bounds3::EMPTY, |all, (_, mesh)| all.union(mesh.bounds()));
@@ -128,22 +127,25 @@ struct Added {
 }
 
 /// Adds each material that is used, and yields their numbers by name.
-fn add_materials<'a>(
+fn add_materials(
     taken: &mut SceneDescription,
     shape: &Named<ShapeDescription>,
     found: &HashMap<String, Found>,
-    used: impl Iterator<Item = &'a str>,
+    parts: &[ObjPart],
 ) -> HashMap<String, Added> {
     let mut added = HashMap::new();
     let mut missing = Vec::new();
     let mut pictures: HashMap<PathBuf, Option<Arc<ImageTexture>>> = HashMap::new();
     let mut warnings = Vec::new();
-    for name in used {
+    for part in parts {
+        let Some(name) = part.material.as_deref() else { continue };
         let Some(Found { material, folder }) = found.get(name) else {
             missing.push(name);
             continue;
         };
-        let picture = material.picture.as_ref().and_then(|picture| {
+        let (usable, unusable) = usable_picture(material, part);
+        warnings.extend(unusable.map(|why| format!("{}: the picture of `{name}` {why}", shape.name)));
+        let picture = usable.and_then(|picture| {
             let file = folder.join(&picture.file);
             let texture = pictures.entry(file.clone()).or_insert_with(|| {
                 match ImageTexture::read(&file, Encoding::Srgb) {
@@ -159,7 +161,6 @@ fn add_materials<'a>(
         });
         let has_picture = picture.is_some();
         let value = match (material.finish, picture) {
-            // Glass and mirrors have no diffuse part that a picture could colour.
             (MtlFinish::Lambert(kd), Some(slot)) => layered(kd, Vec3::ZERO, 1.0, slot),
             (MtlFinish::Ward { diffuse, gloss, roughness }, Some(slot)) => {
                 layered(diffuse, gloss, roughness, slot)
@@ -203,6 +204,32 @@ fn add_materials<'a>(
     let warning = |message| SceneWarning { location: shape.location.clone(), message };
     taken.warnings.extend(warnings.into_iter().map(warning));
     added
+}
+
+/// The picture of a material where faces of the part can show it, and what has to be told about it.
+fn usable_picture<'a>(
+    material: &'a MtlMaterial,
+    part: &ObjPart,
+) -> (Option<&'a MtlPicture>, Option<String>) {
+    let Some(picture) = &material.picture else { return (None, None) };
+    match material.finish {
+        MtlFinish::Glass(_) | MtlFinish::Mirror(_) => {
+            let why = "is not used: glass and mirrors have no diffuse part that it could colour";
+            (None, Some(why.to_owned()))
+        }
+        _ if part.unmapped_faces == 0 => (Some(picture), None),
+        _ if part.unmapped_faces == part.faces => {
+            let why = "is not used: its faces have no texture coordinates (`f` with numbers of `vt`)";
+            (None, Some(why.to_owned()))
+        }
+        _ => {
+            let why = format!(
+                "is of one colour, that of its corner, on {} of {} faces, which have no texture coordinates",
+                part.unmapped_faces, part.faces
+            );
+            (Some(picture), Some(why))
+        }
+    }
 }
 
 /// How a surface reads its picture: the file has v upwards, pictures are read from above.

@@ -26,6 +26,10 @@ pub struct ObjPart {
     pub material: Option<String>,
     /// Corners: numbers of [`ObjFile`]'s vertices.
     pub triangles: Vec<[u32; 3]>,
+    /// Its faces in the file.
+    pub faces: u64,
+    /// Those of them that have corners without texture coordinates, where these are kept; coordinates count as zero there.
+    pub unmapped_faces: u64,
 }
 
 /// An OBJ file as it was read.
@@ -216,14 +220,16 @@ pub(super) fn parse_obj(
                 let next = parts.len();
                 let part = *numbers_of_parts.entry(name.clone()).or_insert(next);
                 if part == next {
-                    parts.push(ObjPart { material: Some(name), triangles: Vec::new() });
+                    parts.push(ObjPart { material: Some(name), ..ObjPart::default() });
                 }
                 current = Some(part);
             }
             let Some(&end) = piece.ends.get(face) else { break };
             numbers.clear();
+            let mut is_mapped = true;
             for &[position, coordinate, normal] in &piece.corners[start as usize..end as usize] {
                 let coordinate = if keeps_uvs { coordinate } else { NONE };
+                is_mapped &= coordinate != NONE;
                 let normal = if keeps_normals { normal } else { NONE };
                 numbers.push(vertices.number([position, coordinate, normal])?);
             }
@@ -233,7 +239,10 @@ pub(super) fn parse_obj(
                 parts.push(ObjPart::default());
                 parts.len() - 1
             });
-            triangulate_polygon(&numbers, &mut parts[part].triangles);
+            let part = &mut parts[part];
+            part.faces += 1;
+            part.unmapped_faces += u64::from(keeps_uvs && !is_mapped);
+            triangulate_polygon(&numbers, &mut part.triangles);
         }
     }
     let Vertices { all, first, others } = vertices;
