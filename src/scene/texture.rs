@@ -35,16 +35,17 @@ impl MaterialTexture {
         self.colour.is_none() && self.bump.is_none() && self.layers.is_none()
     }
 
-    /// Looks the textures up at a hit.
-    pub(super) fn apply(&self, hit: &mut SurfaceInteraction, space: &RenderSpace) {
+    /// Looks the textures up at a hit; `pixel` is the width of a pixel at distance 1.
+    pub(super) fn apply(&self, hit: &mut SurfaceInteraction, space: &RenderSpace, pixel: f32) {
         let world = hit.point.position.as_dvec3() / space.scale + space.center;
+        let width = f64::from(pixel) * f64::from(hit.distance) / space.scale;
         if let Some(texture) = &self.colour {
-            hit.tint = texture.colour(world);
+            hit.tint = texture.colour(world, width);
         }
         if let Some(Bump { texture, height }) = &self.bump {
             // The normal of a surface that is raised along its own normal (Blinn 1978), in three dimensions.
             let normal = hit.shading_normal.as_dvec3();
-            let slope = *height * texture.gradient(world);
+            let slope = *height * texture.gradient(world, width);
             let tilted = unit_f64(normal - (slope - normal * slope.dot(normal)));
             if let Some(tilted) = tilted.map(|normal| normal.as_vec3())
                 && is_beside(tilted, hit.point.normal)

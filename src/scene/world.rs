@@ -336,7 +336,7 @@ impl Scene {
     #[inline(never)]
     fn textured(&self, mut found: SurfaceInteraction, hit: &RawHit) -> SurfaceInteraction {
         let Some(texture) = self.texture_of(found.material) else { return found };
-        texture.apply(&mut found, &self.parts.space);
+        texture.apply(&mut found, &self.parts.space, self.parts.pixel);
         let surface = &self.parts.surfaces[found.surface as usize];
         if let (Some(layers), Geometry::Mesh(mesh)) = (&texture.layers, &surface.geometry)
             && let Some(data) = &mesh.data

@@ -5,6 +5,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 
 /// Makes hashers that begin with a secret of the process, so that no file can be made whose keys collide. Several times as fast
 /// as those of the standard library, of which reading would otherwise mostly consist.
+#[derive(Clone, Copy)]
 pub(super) struct Keyed(u64);
 
 impl Default for Keyed {

@@ -19,6 +19,7 @@ mod parse;
 pub mod ply;
 mod reader;
 mod stl;
+mod weld;
 
 pub use build::{BuildError, BuildProblem, BuiltScene, build_scene, build_scene_watched};
 pub use description::*;

@@ -2,15 +2,17 @@
 //! read: they are those of the triangles, as far as they are right.
 //!
 //! A binary file says how many triangles it has, which is compared with its length before memory is taken; memory stays
-//! below 16 times that length.
+//! below 16 times that length. Its corners are read and welded on all threads.
 
-use super::keyed::Keyed;
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
 use super::mesh_file::{
     Failure, MeshFileError, MeshPlace, MeshReading, in_file, number, read_bytes, shown, words,
 };
-use std::collections::HashMap;
+use super::weld::{Welded, weld};
+use rayon::prelude::*;
+use std::ops::Range;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Text, and the number of triangles.
 const HEADER: usize = 84;
@@ -18,7 +20,7 @@ const HEADER: usize = 84;
 /// A normal, three corners, two bytes of attributes.
 const RECORD: usize = 50;
 
-/// Triangles, or lines, from one word of progress to the next.
+/// Lines from one word of progress to the next.
 const TOLD: usize = 1 << 15;
 
 /// Reads an STL file.
@@ -45,45 +47,15 @@ pub fn parse_stl_bytes(bytes: &[u8], path: &Path) -> Result<(TriangleMesh, MeshR
     parse_stl(bytes, &MeshReading::ALL).map_err(|failure| in_file(path, failure))
 }
 
-/// Vertices by the bits of their place.
-#[derive(Default)]
-struct Vertices {
-    positions: Vec<[f32; 3]>,
-    numbers: HashMap<(u64, u32), u32, Keyed>,
-}
-
-impl Vertices {
-    fn add(&mut self, position: [f32; 3]) -> Result<u32, Failure> {
-        // Both zeros are one place.
-        let [x, y, z] = position.map(|x| (x + 0.0).to_bits());
-        let key = (u64::from(x) << 32 | u64::from(y), z);
-        if let Some(&number) = self.numbers.get(&key) {
-            return Ok(number);
-        }
-        let number = u32::try_from(self.positions.len()).ok().filter(|&number| number < u32::MAX - 1);
-        let too_many =
-            || (MeshPlace::File, "more vertices than 32 bits can count; split the mesh".to_owned());
-        let number = number.ok_or_else(too_many)?;
-        self.positions.push(position);
-        self.numbers.insert(key, number);
-        Ok(number)
-    }
-}
-
 /// Parses the bytes of an STL file.
 pub(super) fn parse_stl(
     bytes: &[u8],
     reading: &MeshReading<'_>,
 ) -> Result<(TriangleMesh, MeshReport), Failure> {
-    let mut vertices = Vertices::default();
-    let mut triangles = Vec::new();
     let mut report = MeshReport::default();
-    if is_ascii(bytes) {
-        read_ascii(bytes, reading, &mut vertices, &mut triangles, &mut report)?;
-    } else {
-        read_binary(bytes, reading, &mut vertices, &mut triangles, &mut report)?;
-    }
-    let positions = Positions::Single(vertices.positions);
+    let read = if is_ascii(bytes) { read_ascii } else { read_binary };
+    let (positions, mut triangles) = read(bytes, reading, &mut report)?;
+    let positions = Positions::Single(positions);
     drop_unusable(&mut triangles, &positions, &mut report);
     Ok((TriangleMesh { positions, triangles, normals: None, uvs: None }, report))
 }
@@ -103,13 +75,34 @@ fn is_ascii(bytes: &[u8]) -> bool {
     is_solid && !fits && !bytes.iter().take(1024).any(|&byte| byte == 0)
 }
 
+/// Places of vertices, and triangles of them.
+type Contents = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+
+/// [`weld`]; progress is that of looking corners up, as a share of the file.
+fn weld_corners(
+    count: usize,
+    corner: impl Fn(usize) -> [f32; 3] + Sync,
+    bytes: &[u8],
+    reading: &MeshReading<'_>,
+) -> Result<Welded, Failure> {
+    if count > u32::MAX as usize {
+        return Err((
+            MeshPlace::File,
+            "more corners of triangles than 32 bits can count; split the mesh".to_owned(),
+        ));
+    }
+    let done = AtomicUsize::new(0);
+    weld(count, corner, |more| {
+        let done = done.fetch_add(more, Ordering::Relaxed) + more;
+        reading.reached((bytes.len() as f64 * done as f64 / (2 * count) as f64) as usize, bytes)
+    })
+}
+
 fn read_binary(
     bytes: &[u8],
     reading: &MeshReading<'_>,
-    vertices: &mut Vertices,
-    triangles: &mut Vec<[u32; 3]>,
     report: &mut MeshReport,
-) -> Result<(), Failure> {
+) -> Result<Contents, Failure> {
     let fail = |problem| Err((MeshPlace::File, problem));
     let Some(count) = declared(bytes) else {
         return fail(format!(
@@ -127,28 +120,25 @@ fn read_binary(
         ));
     }
     report.trailing_bytes = bytes.len() as u64 - needed;
-    triangles.reserve_exact(count as usize);
-    for (index, record) in bytes[HEADER..needed as usize].chunks_exact(RECORD).enumerate() {
-        if index % TOLD == 0 {
-            reading.reached(HEADER + index * RECORD, bytes)?;
-        }
-        let float =
-            |at: usize| f32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
-        let corner = |number: usize| [0, 4, 8].map(|at| float(12 + 12 * number + at));
-        triangles.push([vertices.add(corner(0))?, vertices.add(corner(1))?, vertices.add(corner(2))?]);
-    }
-    Ok(())
+    let records = &bytes[HEADER..needed as usize];
+    let corner = |index: usize| {
+        let at = index / 3 * RECORD + 12 + index % 3 * 12;
+        [0, 4, 8].map(|axis| {
+            let at = at + axis;
+            f32::from_le_bytes([records[at], records[at + 1], records[at + 2], records[at + 3]])
+        })
+    };
+    let welded = weld_corners(3 * count as usize, corner, bytes, reading)?;
+    let triangles = welded.numbers.par_chunks_exact(3).map(|of| [of[0], of[1], of[2]]).collect();
+    Ok((welded.positions, triangles))
 }
 
-fn read_ascii(
-    bytes: &[u8],
-    reading: &MeshReading<'_>,
-    vertices: &mut Vertices,
-    triangles: &mut Vec<[u32; 3]>,
-    report: &mut MeshReport,
-) -> Result<(), Failure> {
+fn read_ascii(bytes: &[u8], reading: &MeshReading<'_>, report: &mut MeshReport) -> Result<Contents, Failure> {
     let mut is_open = false;
-    let mut corners: Vec<u32> = Vec::new();
+    // Corners of all loops, and which of them each loop has.
+    let mut corners: Vec<[f32; 3]> = Vec::new();
+    let mut loops: Vec<Range<usize>> = Vec::new();
+    let mut start = 0;
     let mut last = 0;
     let mut at = 0;
     for (index, text) in bytes.split(|&byte| byte == b'\n').enumerate() {
@@ -164,18 +154,17 @@ fn read_ascii(
             b"solid" => is_open = true,
             b"endsolid" => is_open = false,
             b"facet" | b"endfacet" => {}
-            b"outer" => corners.clear(),
+            b"outer" => start = corners.len(),
             b"vertex" => {
                 let mut position = [0.0; 3];
                 for (value, axis) in position.iter_mut().zip(["x", "y", "z"]) {
                     *value = number(parts.next(), line, &format!("{axis} of the vertex"))? as f32;
                 }
-                corners.push(vertices.add(position)?);
+                corners.push(position);
             }
             b"endloop" => {
-                report.short_faces += u64::from(corners.len() < 3);
-                triangulate_polygon(&corners, triangles);
-                corners.clear();
+                loops.push(start..corners.len());
+                start = corners.len();
             }
             _ => {
                 let problem = format!(
@@ -190,7 +179,13 @@ fn read_ascii(
         let problem = "the file ends without a line `endsolid`; it is incomplete, write or copy it again";
         return Err((MeshPlace::Line(last), problem.to_owned()));
     }
-    Ok(())
+    let welded = weld_corners(corners.len(), |index| corners[index], bytes, reading)?;
+    let mut triangles = Vec::with_capacity(loops.len());
+    for of in loops {
+        report.short_faces += u64::from(of.len() < 3);
+        triangulate_polygon(&welded.numbers[of], &mut triangles);
+    }
+    Ok((welded.positions, triangles))
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ impl HeightGrid {
                 let p =
                     DVec2::new(f64::from(corner % side), f64::from(corner / side)) / f64::from(cells_checked);
                 // Off the lattice of the first octave, on which all noise is zero.
-                let turbulence = octaves.turbulence(p.extend(0.37 * size));
+                let turbulence = octaves.turbulence(p.extend(0.37 * size), 0.0);
                 if noise.ridges { -turbulence } else { turbulence }
             })
             .collect();

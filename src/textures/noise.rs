@@ -6,6 +6,9 @@ use glam::DVec3;
 /// Scales the largest value that the gradients below can make to about 1.
 const SCALE: f64 = 0.97;
 
+/// Mean of the absolute value of [`noise`].
+const MEAN_OF_ABSOLUTE: f64 = 0.2135;
+
 /// Band-limited noise: mean 0, within [-1, 1], features of about one unit, zero at integer points. The same for the same
 /// `seed` and place on every machine. Places beyond 2^31 units wrap around.
 pub fn noise(p: DVec3, seed: u32) -> f64 {
@@ -70,8 +73,7 @@ impl Octaves {
         (0..Self::MOST).map_while(move |k| {
             let share = 0.5f64.powi(k as i32);
             let wavelength = size * share;
-            // One above twice the finest, zero below it: what would be smaller is its own mean, which is zero.
-            let fade = (wavelength / finest - 1.0).clamp(0.0, 1.0);
+            let fade = kept(wavelength, finest);
             (fade > 0.0 || k == 0).then_some((wavelength, share * fade.max(f64::from(k == 0)), k))
         })
     }
@@ -81,15 +83,30 @@ impl Octaves {
         noise(p / wavelength, self.seed.wrapping_add(k.wrapping_mul(0x6d2b_79f5)))
     }
 
-    /// Sum of signed octaves: mean 0, within [-2, 2].
-    pub fn fractal(&self, p: DVec3) -> f64 {
-        self.each().map(|(wavelength, weight, k)| weight * self.octave(p, wavelength, k)).sum()
+    /// The sum of the octaves after `fold`, seen by something as wide as `width`: octaves that are finer are their `mean`.
+    fn sum(&self, p: DVec3, width: f64, fold: impl Fn(f64) -> f64, mean: f64) -> f64 {
+        let octaves = self.each().map(|(wavelength, weight, k)| match kept(wavelength, width) {
+            0.0 => weight * mean,
+            share => weight * (share * fold(self.octave(p, wavelength, k)) + (1.0 - share) * mean),
+        });
+        octaves.sum()
     }
 
-    /// Perlin's turbulence: sum of absolute octaves, with creases where they change sign. In [0, 2].
-    pub fn turbulence(&self, p: DVec3) -> f64 {
-        self.each().map(|(wavelength, weight, k)| weight * self.octave(p, wavelength, k).abs()).sum()
+    /// Sum of signed octaves: mean 0, within [-2, 2]; seen by something as wide as `width`, 0 for all there is.
+    pub fn fractal(&self, p: DVec3, width: f64) -> f64 {
+        self.sum(p, width, |value| value, 0.0)
     }
+
+    /// Perlin's turbulence: sum of absolute octaves, with creases where they change sign. In [0, 2]. `width` as for
+    /// [`Self::fractal`]; the mean stays.
+    pub fn turbulence(&self, p: DVec3, width: f64) -> f64 {
+        self.sum(p, width, f64::abs, MEAN_OF_ABSOLUTE)
+    }
+}
+
+/// How much of a wave is left for something as wide as `width`: all from two widths on, nothing up to one.
+pub(super) fn kept(wavelength: f64, width: f64) -> f64 {
+    if width > 0.0 { (wavelength / width - 1.0).clamp(0.0, 1.0) } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -104,11 +121,12 @@ mod tests {
     #[test]
     fn mean_range_and_lattice() {
         let mut rng = Rng::new(1, Stream::Measure, 0);
-        let (mut sum, mut squares, mut largest) = (0.0, 0.0, 0.0f64);
+        let (mut sum, mut absolute, mut squares, mut largest) = (0.0, 0.0, 0.0, 0.0f64);
         let count = 400_000;
         for _ in 0..count {
             let value = noise(random_point(&mut rng, 1000.0), 7);
             sum += value;
+            absolute += value.abs();
             squares += value * value;
             largest = largest.max(value.abs());
         }
@@ -116,6 +134,11 @@ mod tests {
         // Neighbouring points are not independent; the cells are, about one for each point here.
         assert!(mean.abs() < 5.0 * deviation / f64::from(count).sqrt(), "{mean} of {deviation}");
         assert!(largest <= 1.0 && largest > 0.8 && (0.2..0.35).contains(&deviation), "{largest} {deviation}");
+        assert!(
+            (absolute / f64::from(count) - MEAN_OF_ABSOLUTE).abs() < 2e-3,
+            "{}",
+            absolute / f64::from(count)
+        );
         for _ in 0..1000 {
             assert_eq!(noise(random_point(&mut rng, 1e6).floor(), 7), 0.0);
         }
@@ -140,12 +163,12 @@ mod tests {
         let octaves = |finest: f64| Octaves { size: 1.0, finest, seed: 5 };
         for _ in 0..100 {
             let p = random_point(&mut rng, 10.0);
-            assert_eq!(octaves(1.0).fractal(p), noise(p, 5));
+            assert_eq!(octaves(1.0).fractal(p, 0.0), noise(p, 5));
             // Continuous in the cut-off: octaves fade instead of vanishing.
             for k in 1..6 {
                 let finest = 0.5f64.powi(k);
                 let (below, above) = (octaves(finest * 0.999_999), octaves(finest * 1.000_001));
-                assert!((below.turbulence(p) - above.turbulence(p)).abs() < 1e-5);
+                assert!((below.turbulence(p, 0.0) - above.turbulence(p, 0.0)).abs() < 1e-5);
             }
         }
     }

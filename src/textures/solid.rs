@@ -1,4 +1,5 @@
 use super::Octaves;
+use super::noise::kept;
 use crate::math::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
@@ -46,26 +47,41 @@ pub enum Pattern {
 }
 
 impl Pattern {
-    /// Value at `p` of the texture's own space, in [0, 1].
-    pub fn value(&self, p: DVec3) -> f64 {
+    /// Value at `p` of the texture's own space, in [0, 1], as seen by something as wide as `width` (0 for all detail): waves that
+    /// are finer give way to their mean, so that surfaces far away are neither noisy nor of another colour.
+    pub fn value(&self, p: DVec3, width: f64) -> f64 {
         match *self {
-            Self::Noise(octaves) => (0.5 + 0.5 * octaves.fractal(p)).clamp(0.0, 1.0),
-            Self::Turbulence(octaves) => octaves.turbulence(p).min(1.0),
+            Self::Noise(octaves) => (0.5 + 0.5 * octaves.fractal(p, width)).clamp(0.0, 1.0),
+            Self::Turbulence(octaves) => octaves.turbulence(p, width).min(1.0),
             Self::Marble { octaves, spacing, distortion, sharpness } => {
-                let phase = p.x / spacing + distortion * octaves.turbulence(p);
-                (0.5 + 0.5 * (TAU * phase).cos()).powf(sharpness)
+                let vein = |phase: f64| (0.5 + 0.5 * (TAU * phase).cos()).powf(sharpness);
+                // Midpoints of sixteen parts of a period, which is smooth.
+                let mean = || (0..16).map(|i| vein((f64::from(i) + 0.5) / 16.0)).sum::<f64>() / 16.0;
+                mixed(kept(spacing, width), mean, || {
+                    vein(p.x / spacing + distortion * octaves.turbulence(p, width))
+                })
             }
             Self::Wood { octaves, spacing, distortion } => {
-                // Slow along the trunk.
-                let bent = octaves.fractal(p * DVec3::new(1.0, 1.0, 0.1));
-                let ring = p.truncate().length() / spacing + distortion * bent;
-                // Early wood turns dark gradually, and ends at once; the edge is as wide as the finest octave.
-                let share = ring - ring.floor();
-                let edge = (octaves.finest / spacing).clamp(1e-3, 0.5);
-                let rise = (share / (1.0 - edge)).min(1.0);
-                let fall = ((1.0 - share) / edge).min(1.0);
-                let fibre = octaves.fractal(p * DVec3::new(6.0, 6.0, 0.3));
-                (0.85 * rise * rise * fall + 0.15 * (0.5 + 0.5 * fibre)).clamp(0.0, 1.0)
+                // Early wood turns dark gradually, and ends at once; the edge is as wide as the finest octave, or as what sees it.
+                let edge_of = |finest: f64| (finest / spacing).clamp(1e-3, 0.5);
+                let edge = edge_of(octaves.finest.max(width));
+                let mean = |edge: f64| 1.0 / 3.0 + edge / 6.0;
+                let kept_mean = mean(edge_of(octaves.finest));
+                let rings = mixed(
+                    kept(spacing, width),
+                    || kept_mean,
+                    || {
+                        // Slow along the trunk.
+                        let bent = octaves.fractal(p * DVec3::new(1.0, 1.0, 0.1), width);
+                        let ring = p.truncate().length() / spacing + distortion * bent;
+                        let share = ring - ring.floor();
+                        let rise = (share / (1.0 - edge)).min(1.0);
+                        let fall = ((1.0 - share) / edge).min(1.0);
+                        rise * rise * fall + (kept_mean - mean(edge))
+                    },
+                );
+                let fibre = octaves.fractal(p * DVec3::new(6.0, 6.0, 0.3), 6.0 * width);
+                (0.85 * rings + 0.15 * (0.5 + 0.5 * fibre)).clamp(0.0, 1.0)
             }
         }
     }
@@ -81,26 +97,38 @@ impl Pattern {
     }
 }
 
+/// A wave as far as it is kept, and its mean for the rest.
+fn mixed(kept: f64, mean: impl FnOnce() -> f64, wave: impl FnOnce() -> f64) -> f64 {
+    match kept {
+        1.0 => wave(),
+        0.0 => mean(),
+        _ => kept * wave() + (1.0 - kept) * mean(),
+    }
+}
+
 impl SolidTexture {
-    /// Value of the pattern at a place of the world, in [0, 1].
-    pub fn value(&self, world: DVec3) -> f64 {
-        self.pattern.value(self.to_texture.transform_point3(world))
+    /// How much longer lengths get on the way to the texture's own space, at most along an axis.
+    fn stretch(&self) -> f64 {
+        let axes = self.to_texture.matrix3;
+        axes.x_axis.length().max(axes.y_axis.length()).max(axes.z_axis.length())
     }
 
-    /// Colour at a place of the world.
-    pub fn colour(&self, world: DVec3) -> Rgb {
-        self.low.lerp(self.high, self.value(world) as f32)
+    /// Value of the pattern at a place of the world, in [0, 1], seen by something as wide as `width` in metres.
+    pub fn value(&self, world: DVec3, width: f64) -> f64 {
+        self.pattern.value(self.to_texture.transform_point3(world), width * self.stretch())
+    }
+
+    /// Colour at a place of the world, seen by something as wide as `width` in metres.
+    pub fn colour(&self, world: DVec3, width: f64) -> Rgb {
+        self.low.lerp(self.high, self.value(world, width) as f32)
     }
 
     /// How the pattern changes per metre along the three axes of the world, from differences over a tenth of its finest
-    /// detail.
-    pub fn gradient(&self, world: DVec3) -> DVec3 {
-        let [x, y, z] =
-            [self.to_texture.matrix3.x_axis, self.to_texture.matrix3.y_axis, self.to_texture.matrix3.z_axis];
-        let stretch = x.length().max(y.length()).max(z.length());
-        let step = 0.05 * self.pattern.finest() / stretch;
-        let change =
-            |axis: DVec3| (self.value(world + step * axis) - self.value(world - step * axis)) / (2.0 * step);
+    /// detail, or of `width`, in metres, where that is more.
+    pub fn gradient(&self, world: DVec3, width: f64) -> DVec3 {
+        let step = 0.05 * (self.pattern.finest() / self.stretch()).max(width);
+        let value = |at: DVec3| self.value(at, width);
+        let change = |axis: DVec3| (value(world + step * axis) - value(world - step * axis)) / (2.0 * step);
         DVec3::new(change(DVec3::X), change(DVec3::Y), change(DVec3::Z))
     }
 }
@@ -125,13 +153,45 @@ mod tests {
             let (mut low, mut high) = (1.0f64, 0.0f64);
             for i in 0..20_000 {
                 let p = DVec3::new(0.0137, 0.0051, 0.0071) * f64::from(i);
-                let value = pattern.value(p);
+                let value = pattern.value(p, 0.0);
                 assert!((0.0..=1.0).contains(&value), "{pattern:?} {value}");
-                let step = (pattern.value(p + 1e-6) - value).abs();
+                let step = (pattern.value(p + 1e-6, 0.0) - value).abs();
                 assert!(step < 1e-3, "{pattern:?} jumps by {step} at {p}");
                 (low, high) = (low.min(value), high.max(value));
             }
             assert!(high - low > 0.5, "{pattern:?}: {low} to {high}");
+        }
+    }
+
+    #[test]
+    fn widths_take_detail_and_leave_the_mean() {
+        for pattern in patterns() {
+            let spread_of = |width: f64| {
+                let count = 20_000;
+                let values = (0..count).map(|i| {
+                    // A sequence without gaps in three dimensions (Roberts).
+                    let at = DVec3::new(0.819_172_5, 0.671_043_6, 0.549_700_5) * f64::from(i);
+                    pattern.value(40.0 * (at - at.floor()), width)
+                });
+                let (sum, squares) = values.fold((0.0, 0.0), |(s, q), v| (s + v, q + v * v));
+                let mean = sum / f64::from(count);
+                (mean, (squares / f64::from(count) - mean * mean).max(0.0).sqrt())
+            };
+            let (mean, whole) = spread_of(0.0);
+            let mut before = whole;
+            for width in [0.1, 0.4, 1.0, 4.0] {
+                let (seen, spread) = spread_of(width);
+                assert!((seen - mean).abs() < 0.02, "{pattern:?} at {width}: {seen} for {mean}");
+                assert!(spread < before + 0.01, "{pattern:?} at {width}: {spread} after {before}");
+                before = spread;
+            }
+            assert!(before < 1e-6 && whole > 0.05, "{pattern:?}: {before} of {whole}");
+            // Continuous in the width.
+            for i in 0..200 {
+                let (p, width) = (DVec3::splat(0.37 * f64::from(i)), 0.01 * f64::from(i));
+                let step = (pattern.value(p, width + 1e-9) - pattern.value(p, width)).abs();
+                assert!(step < 1e-6, "{pattern:?} jumps by {step} at {width}");
+            }
         }
     }
 
@@ -144,8 +204,8 @@ mod tests {
             let p = DVec3::new(0.31, 0.17, 0.23) * f64::from(i);
             let along = DVec3::new(0.6, -0.3, 0.5);
             let h = 1e-6;
-            let slope = (texture.value(p + h * along) - texture.value(p - h * along)) / (2.0 * h);
-            assert!((texture.gradient(p).dot(along) - slope).abs() < 0.1, "{p}");
+            let slope = (texture.value(p + h * along, 0.0) - texture.value(p - h * along, 0.0)) / (2.0 * h);
+            assert!((texture.gradient(p, 0.0).dot(along) - slope).abs() < 0.1, "{p}");
         }
     }
 }

@@ -207,10 +207,7 @@ fn add_materials(
 }
 
 /// The picture of a material where faces of the part can show it, and what has to be told about it.
-fn usable_picture<'a>(
-    material: &'a MtlMaterial,
-    part: &ObjPart,
-) -> (Option<&'a MtlPicture>, Option<String>) {
+fn usable_picture<'a>(material: &'a MtlMaterial, part: &ObjPart) -> (Option<&'a MtlPicture>, Option<String>) {
     let Some(picture) = &material.picture else { return (None, None) };
     match material.finish {
         MtlFinish::Glass(_) | MtlFinish::Mirror(_) => {
