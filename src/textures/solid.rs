@@ -186,6 +186,16 @@ mod tests {
                 before = spread;
             }
             assert!(before < 1e-6 && whole > 0.05, "{pattern:?}: {before} of {whole}");
+            // At the extremes: nothing of it is seen, or all of it.
+            let p = DVec3::new(1.3, 0.7, -2.1);
+            let (seen, one) = (pattern.value(p, f64::INFINITY), pattern.value(p, 4.0));
+            assert!((seen - one).abs() < 1e-12, "{pattern:?}: {seen} for {one}");
+            assert_eq!(pattern.value(p, f64::MIN_POSITIVE), pattern.value(p, 0.0), "{pattern:?}");
+            let texture =
+                SolidTexture { pattern, low: Rgb::ZERO, high: Rgb::ONE, to_texture: DAffine3::IDENTITY };
+            for width in [0.0, 1e-300, 1e300, f64::INFINITY] {
+                assert!(texture.gradient(p, width).is_finite(), "{pattern:?} at {width}");
+            }
             // Continuous in the width.
             for i in 0..200 {
                 let (p, width) = (DVec3::splat(0.37 * f64::from(i)), 0.01 * f64::from(i));
