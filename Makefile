@@ -32,6 +32,7 @@ results: setup
 # All tables of docs/quality.md, anew: presets against what nothing beats, and the price of each knob.
 quality: setup
 	cargo build --release
+	benches/references.sh
 	benches/quality.sh >docs/quality.md.new
 	mv docs/quality.md.new docs/quality.md
 

@@ -4,6 +4,8 @@
 #
 #   benches/progressive.sh rounds [MOST]               error after 2, 4, 8 ... MOST rounds (256)
 #   benches/progressive.sh targets [SEEDS] [TARGETS]   what is reached for TARGETS ("0.1 0.05 0.03") with so many seeds (5)
+#   SCENES="museum cardioid" benches/progressive.sh ...   scenes other than the three with references in tests/reference; for those
+#                                                      benches/references.sh makes some
 #
 # Errors are free of the reference's noise. Seconds are those of the processor, all threads, of whole processes.
 set -euo pipefail
@@ -12,7 +14,8 @@ program=${CARDIOID:-target/release/cardioid}
 [ -x "$program" ] || { echo "build first: cargo build --release" >&2; exit 1; }
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
-scenes="cornell-diffuse cornell-spheres cardioid"
+scenes=${SCENES:-cornell-diffuse cornell-spheres cardioid}
+source benches/references.sh
 
 # A number out of JSON that is printed one field a line: the last field of that name.
 field() { sed -n "s/^ *\"$2\": \(-\{0,1\}[0-9.e+-]*\),\{0,1\}$/\1/p" "$1" | tail -n 1; }
@@ -21,10 +24,10 @@ field() { sed -n "s/^ *\"$2\": \(-\{0,1\}[0-9.e+-]*\),\{0,1\}$/\1/p" "$1" | tail
 render() { # scene, options
     local scene=$1
     shift
-    "$program" render "scenes/$scene.toml" "$@" -q --beauty-only -o "$out/p.exr" --stats "$out/s.json" 2>"$out/log" ||
+    reference_of "$scene"
+    "$program" render "scenes/$scene.toml" "${size_options[@]}" "$@" -q --beauty-only -o "$out/p.exr" --stats "$out/s.json" 2>"$out/log" ||
         { cat "$out/log" >&2; exit 1; }
-    "$program" compare "tests/reference/$scene/reference-1.exr" --second-half "tests/reference/$scene/reference-2.exr" \
-        "$out/p.exr" --json >"$out/e.json"
+    "$program" compare "${halves[0]}" --second-half "${halves[1]}" "$out/p.exr" --json >"$out/e.json"
     error=$(field "$out/e.json" relrmse_u)
     cpu=$(field "$out/s.json" cpu)
     sed -n '/"rounds": {/,/"history"/p' "$out/s.json" >"$out/r.json"

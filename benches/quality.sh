@@ -2,14 +2,14 @@
 # Prints docs/quality.md: where the presets stand on the front of speed against accuracy, and what each knob costs and buys, over all
 # scenes. Needs a built program; takes an hour or more on two cores, and goes on where it stopped (out/quality).
 #
-#   benches/quality.sh [BUDGET] [SIZE] >docs/quality.md.new     time for each scene (10m), pixels of the scenes without references (128x128)
+#   benches/quality.sh [BUDGET] >docs/quality.md.new            time for each scene (10m)
 #   SCENES="cornell-diffuse cardioid" benches/quality.sh 3m     some of the scenes
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 program=${CARDIOID:-target/release/cardioid}
 [ -x "$program" ] || { echo "build first: cargo build --release" >&2; exit 1; }
 budget=${1:-10m}
-size=${2:-128x128}
+source benches/references.sh
 around=(--around draft --around preview --around rounds --around final)
 
 cat <<END
@@ -28,11 +28,8 @@ for scene in ${SCENES:-$all}; do
     file=scenes/$scene.toml
     out=out/quality/$scene
     mkdir -p "$out"
-    if [ -d "tests/reference/$scene" ]; then
-        reference=(--reference "tests/reference/$scene/reference-1.exr" --second-half "tests/reference/$scene/reference-2.exr")
-    else
-        reference=(--resolution "$size")
-    fi
+    reference_of "$scene"
+    reference=(--reference "${halves[0]}" --second-half "${halves[1]}" "${size_options[@]}")
     # The scene for any mesh needs none of its own to be measured: it has one.
     if "$program" tradeoff "$file" "${reference[@]}" "${around[@]}" --time-budget "$budget" -q -o "$out" 2>"$out/log"; then
         cat "$out/tradeoff.md"

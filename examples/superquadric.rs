@@ -131,7 +131,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let lambert = |reflectance| Material::Lambert { reflectance, two_sided: true };
     let glass = Material::Dielectric { inside: 1, outside: 0, interface: Dielectric::new(1.0, 1.5) };
-    let medium = |name: &str, ior| Medium { name: name.to_owned(), ior, absorption: Rgb::ZERO };
+    let medium = |name: &str, ior, rank| Medium { name: name.to_owned(), ior, absorption: Rgb::ZERO, rank };
     let emitter = EmitterShape::Quad(Quad::new(lamp[0], lamp[1], lamp[2])?);
     let light = AreaLight::new(vec![emitter], Rgb::new(70.0, 66.0, 60.0), false, false).ok_or("no light")?;
     let scene = Scene::new(SceneParts {
@@ -146,7 +146,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ],
         textures: Vec::new(),
         pixel: 0.0,
-        media: vec![medium("air", 1.0), medium("inside", 1.5)],
+        media: vec![medium("air", 1.0, 1), medium("inside", 1.5, 0)],
         lights: vec![Light::Area(light)],
         space: RenderSpace::fitting(DVec3::ZERO, 0.99),
         bounds: (glam::Vec3::ZERO, 1.0),

@@ -206,6 +206,14 @@ impl Layered {
         Self { lambert: is_lambertian.then(|| Lambert { reflectance: reflectance() }), ..self }
     }
 
+    /// The same on the border of other media.
+    #[inline]
+    #[must_use]
+    pub fn with_interface(self, interface: Dielectric) -> Self {
+        let facets = if interface.is_matched() { facets_of([0.0; 2]) } else { self.facets };
+        Self { body: Body::Interface(interface), facets, ..self }
+    }
+
     /// Sets the normal of the coat in the frame, unit length.
     pub fn set_coat_normal(&mut self, normal: Vec3) {
         self.coat_normal = normal;

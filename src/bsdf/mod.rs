@@ -139,6 +139,20 @@ pub enum Bsdf {
 }
 
 impl Bsdf {
+    /// The same on the border between other media, where it is an interface.
+    #[must_use]
+    pub fn between(self, interface: Dielectric) -> Self {
+        match self {
+            Self::Dielectric(_) => Self::Dielectric(interface),
+            Self::RoughDielectric(rough) => match rough.with_interface(interface) {
+                Ok(rough) => Self::RoughDielectric(rough),
+                Err(matched) => Self::Dielectric(matched),
+            },
+            Self::Layered(layers) => Self::Layered(layers.with_interface(interface)),
+            other => other,
+        }
+    }
+
     /// Absorbs everything.
     pub const BLACK: Self = Self::Lambert(Lambert { reflectance: Rgb::ZERO });
 

@@ -20,6 +20,12 @@ impl RoughDielectric {
         is_rough.then_some(Self { interface, facets: Ggx { along: roughness, across: roughness } })
     }
 
+    /// As rough, between other media: the smooth interface where these match.
+    #[inline]
+    pub fn with_interface(self, interface: Dielectric) -> Result<Self, Dielectric> {
+        if interface.is_matched() { Err(interface) } else { Ok(Self { interface, ..self }) }
+    }
+
     /// The alpha of GGX.
     #[inline]
     pub fn roughness(&self) -> f32 {

@@ -4,7 +4,7 @@ use super::hemisphere::Irradiance;
 use super::neighbours::Neighbours;
 use super::octree::Octree;
 use crate::math::Rgb;
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use glam::{Mat3, Vec3};
 
 /// How much farther a record reaches when a picture is read from the cache than when the cache is filled, so that places
@@ -39,7 +39,7 @@ pub struct Place {
     /// Unit shading normal, on the side that is lit.
     pub normal: Vec3,
     /// What the place lies in.
-    pub medium: MediumId,
+    pub medium: Surroundings,
     /// Side of a pixel as projected there.
     pub footprint: f32,
 }
@@ -59,7 +59,7 @@ struct Reach {
     position: Vec3,
     radius: f32,
     normal: Vec3,
-    medium: MediumId,
+    medium: Surroundings,
 }
 
 /// Which records reach a place.
@@ -87,7 +87,7 @@ impl Reaches {
     }
 
     /// Whether a record is near enough that none more is needed.
-    fn covers(&self, position: Vec3, normal: Vec3, medium: MediumId) -> bool {
+    fn covers(&self, position: Vec3, normal: Vec3, medium: Surroundings) -> bool {
         self.tree.at(position).iter().any(|&index| {
             self.relative_error(&self.all[index as usize], position, normal, medium)
                 .is_some_and(|error| error * OVERLAP < 1.0)
@@ -97,7 +97,13 @@ impl Reaches {
     /// Error of the record at a place in units of the largest that is read; `None` where it is more than one, or the
     /// record is of another surface.
     #[inline]
-    fn relative_error(&self, reach: &Reach, position: Vec3, normal: Vec3, medium: MediumId) -> Option<f32> {
+    fn relative_error(
+        &self,
+        reach: &Reach,
+        position: Vec3,
+        normal: Vec3,
+        medium: Surroundings,
+    ) -> Option<f32> {
         let offset = position - reach.position;
         let distance_squared = offset.length_squared();
         if !(distance_squared < reach.radius * reach.radius) || medium != reach.medium {
@@ -167,7 +173,7 @@ impl IrradianceCache {
     /// where its reach ends (a tent over the error of Ward, Rubinstein & Clear 1988, in place of their inverse, which
     /// leans on the nearest record and its noise). Never negative. Records that agree give their value to the bit.
     #[inline]
-    pub fn interpolate(&self, position: Vec3, normal: Vec3, medium: MediumId) -> Option<Rgb> {
+    pub fn interpolate(&self, position: Vec3, normal: Vec3, medium: Surroundings) -> Option<Rgb> {
         let mut first: Option<Rgb> = None;
         let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
         for &index in self.reaches.tree.at(position) {
@@ -291,10 +297,12 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream};
 
+    const IN_AIR: Surroundings = Surroundings::AIR;
+
     const SETTINGS: CacheSettings = CacheSettings { error: 0.2, bounds: (Vec3::ZERO, 1.0) };
 
     fn place(position: Vec3) -> Place {
-        Place { position, normal: Vec3::Z, medium: 0, footprint: 0.01 }
+        Place { position, normal: Vec3::Z, medium: IN_AIR, footprint: 0.01 }
     }
 
     fn record(position: Vec3, value: Rgb) -> Record {
@@ -326,7 +334,7 @@ mod tests {
         let cache = filled(places(2000, 1).map(|p| record(p, value)));
         assert!((20..500).contains(&cache.len()), "{}", cache.len());
         for p in places(1000, 2) {
-            assert_eq!(cache.interpolate(p, Vec3::Z, 0), Some(value));
+            assert_eq!(cache.interpolate(p, Vec3::Z, IN_AIR), Some(value));
         }
     }
 
@@ -345,7 +353,7 @@ mod tests {
         let mut worst = (0.0f32, 0.0f32);
         for p in places(1000, 2).filter(|p| p.abs().max_element() < 0.45) {
             let off = |cache: &IrradianceCache| {
-                (cache.interpolate(p, Vec3::Z, 0).unwrap() - field(p)).abs().max_element()
+                (cache.interpolate(p, Vec3::Z, IN_AIR).unwrap() - field(p)).abs().max_element()
             };
             worst = (worst.0.max(off(&cache)), worst.1.max(off(&flat)));
         }
@@ -357,7 +365,7 @@ mod tests {
         let cache = filled(std::iter::once(turned));
         let normal = Vec3::new(0.1, 0.05, (1.0f32 - 0.0125).sqrt());
         let want = Rgb::ONE + 0.1 * slopes[0] + 0.05 * slopes[1];
-        assert!((cache.interpolate(Vec3::ZERO, normal, 0).unwrap() - want).abs().max_element() < 1e-6);
+        assert!((cache.interpolate(Vec3::ZERO, normal, IN_AIR).unwrap() - want).abs().max_element() < 1e-6);
     }
 
     #[test]
@@ -366,14 +374,14 @@ mod tests {
         let reach = cache.reaches().next().unwrap().1;
         assert!((reach - 1.4 * 0.1).abs() < 1e-6);
         let near = Vec3::new(0.02, 0.0, 0.0);
-        assert!(cache.interpolate(near, Vec3::Z, 0).is_some());
-        assert!(cache.interpolate(near, Vec3::NEG_Z, 0).is_none());
-        assert!(cache.interpolate(near, Vec3::X, 0).is_none());
-        assert!(cache.interpolate(near, Vec3::Z, 1).is_none());
-        assert!(cache.interpolate(near + 0.05 * Vec3::Z, Vec3::Z, 0).is_none(), "a step above");
-        assert!(cache.interpolate(near - 0.05 * Vec3::Z, Vec3::Z, 0).is_none(), "a step below");
-        assert!(cache.interpolate(Vec3::X * 0.2, Vec3::Z, 0).is_none());
-        assert!(cache.interpolate(Vec3::NAN, Vec3::Z, 0).is_none());
+        assert!(cache.interpolate(near, Vec3::Z, IN_AIR).is_some());
+        assert!(cache.interpolate(near, Vec3::NEG_Z, IN_AIR).is_none());
+        assert!(cache.interpolate(near, Vec3::X, IN_AIR).is_none());
+        assert!(cache.interpolate(near, Vec3::Z, Surroundings::of(1)).is_none());
+        assert!(cache.interpolate(near + 0.05 * Vec3::Z, Vec3::Z, IN_AIR).is_none(), "a step above");
+        assert!(cache.interpolate(near - 0.05 * Vec3::Z, Vec3::Z, IN_AIR).is_none(), "a step below");
+        assert!(cache.interpolate(Vec3::X * 0.2, Vec3::Z, IN_AIR).is_none());
+        assert!(cache.interpolate(Vec3::NAN, Vec3::Z, IN_AIR).is_none());
     }
 
     #[test]
@@ -384,8 +392,8 @@ mod tests {
             record
         };
         let cache = filled(std::iter::once(wall(0.03, Vec3::ZERO)));
-        assert!(cache.interpolate(Vec3::X * 0.029, Vec3::Z, 0).is_some());
-        assert!(cache.interpolate(Vec3::X * 0.031, Vec3::Z, 0).is_none());
+        assert!(cache.interpolate(Vec3::X * 0.029, Vec3::Z, IN_AIR).is_some());
+        assert!(cache.interpolate(Vec3::X * 0.031, Vec3::Z, IN_AIR).is_none());
         // A neighbour that missed the wall learns of it.
         let mut filling = Filling::new(SETTINGS);
         filling.accept([wall(0.03, Vec3::ZERO), wall(f32::INFINITY, Vec3::Y * 0.06)]);
@@ -401,7 +409,7 @@ mod tests {
         steep.irradiance.shift = Mat3::from_cols(Vec3::new(1e6, 1e6, 0.0), Vec3::ZERO, Vec3::ZERO);
         let cache = filled(std::iter::once(steep));
         for x in [-0.13, -0.05, 0.05, 0.13] {
-            let value = cache.interpolate(Vec3::X * x, Vec3::Z, 0).unwrap();
+            let value = cache.interpolate(Vec3::X * x, Vec3::Z, IN_AIR).unwrap();
             assert!((0.0..=2.0).contains(&value.x) && value.y == 0.0 && value.z == 1.0, "{value}");
         }
     }

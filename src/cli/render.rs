@@ -392,15 +392,26 @@ fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool
         rounds.done, rounds.photons_stored, rounds.seconds, rounds.done
     );
     match &rounds.error {
-        Some(error) => eprintln!(
-            "relative error about {:.2} %: noise {:.2} %, bias {:.2} %{}",
-            100.0 * error.error,
-            100.0 * error.noise,
-            100.0 * error.bias,
-            rounds
-                .target_error
-                .map_or_else(String::new, |target| format!(" (asked for: {:.2} %)", 100.0 * target))
-        ),
+        Some(error) => {
+            eprintln!(
+                "relative error about {:.2} %: noise {:.2} %, bias {:.2} %{}",
+                100.0 * error.error,
+                100.0 * error.noise,
+                100.0 * error.bias,
+                rounds
+                    .target_error
+                    .map_or_else(String::new, |target| format!(" (asked for: {:.2} %)", 100.0 * target))
+            );
+            if error.noise_without_glints.powi(2) < 0.75 * error.noise.powi(2) {
+                eprintln!(
+                    "{} pixels are far brighter in one half of the rounds than in the other: something small and bright \
+                     that few samples meet, such as a lamp seen in glass. How far off they are is not known; without \
+                     them the noise is {:.2} %",
+                    error.glints,
+                    100.0 * error.noise_without_glints
+                );
+            }
+        }
         None => eprintln!("the relative error is not known after a single round"),
     }
 }

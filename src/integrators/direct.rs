@@ -4,7 +4,7 @@ use super::{Directions, Scratch};
 use crate::bsdf::{Lobe, TransportMode};
 use crate::lights::{LightId, Receiver};
 use crate::math::Rgb;
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, SurfaceInteraction};
@@ -46,7 +46,7 @@ struct Shaded<'a> {
     at: Receiver,
     hit: &'a SurfaceInteraction,
     directions: &'a Directions<'a>,
-    medium: MediumId,
+    medium: Surroundings,
     /// Index of a light, and what its photons say; all rays to one light from one place share it.
     decided: Option<(usize, Option<ShadowDecision>)>,
 }
@@ -69,7 +69,7 @@ impl<'a> DirectLighting<'a> {
         &self,
         hit: &SurfaceInteraction,
         directions: &Directions<'_>,
-        medium: MediumId,
+        medium: Surroundings,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Reflected {
@@ -153,7 +153,7 @@ impl<'a> DirectLighting<'a> {
         if !is_seen {
             return nothing;
         }
-        let medium = self.scene.medium(medium);
+        let medium = self.scene.medium(medium.medium());
         if !medium.is_clear() {
             let transmittance = medium.transmittance(sample.distance);
             found.diffuse *= transmittance;

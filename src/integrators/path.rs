@@ -9,7 +9,7 @@ use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
@@ -25,7 +25,7 @@ pub struct PathTracer<'a> {
     direct: DirectLighting<'a>,
     guide: Option<&'a DirectionGuide>,
     max_depth: u32,
-    camera_medium: MediumId,
+    camera_medium: Surroundings,
 }
 
 /// Which part of the picture light belongs to that reaches a path now, by the surfaces it has met from the camera on.
@@ -71,7 +71,7 @@ impl Class {
 
 impl<'a> PathTracer<'a> {
     /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
-    pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumId) -> Self {
+    pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: Surroundings) -> Self {
         let direct = DirectLighting::new(scene, 1, true);
         Self { scene, direct, guide: None, max_depth, camera_medium }
     }
@@ -100,7 +100,7 @@ impl<'a> PathTracer<'a> {
 struct State {
     ray: Ray,
     throughput: Rgb,
-    medium: MediumId,
+    medium: Surroundings,
     class: Class,
     drawn: Option<Drawn>,
     /// Specular or highly glossy surfaces met since the last other one.
@@ -111,7 +111,7 @@ struct State {
 
 impl State {
     /// A path that begins with this ray.
-    fn new(ray: Ray, medium: MediumId) -> Self {
+    fn new(ray: Ray, medium: Surroundings) -> Self {
         Self { ray, throughput: Rgb::ONE, medium, class: Class::Camera, drawn: None, chain: 0, guidance: 1.0 }
     }
 }
@@ -178,7 +178,7 @@ impl PathTracer<'_> {
         for depth in first..self.max_depth {
             scratch.counters.depth_sum += 1;
             scratch.counters.path_rays += u64::from(depth > 0);
-            let Some(hit) = self.scene.intersect(&state.ray) else {
+            let Some((hit, passed)) = self.scene.intersect_within(&state.ray, &mut state.medium) else {
                 out.add(
                     state.class.part(),
                     state.throughput * self.outside(state.ray.direction, state.drawn),
@@ -188,17 +188,21 @@ impl PathTracer<'_> {
             if depth == 0 {
                 describe_first_hit(out, self.scene, &hit);
             }
-            let medium = self.scene.medium(state.medium);
+            if passed {
+                // Shadow rays end at every surface, also at one that is not there for this ray.
+                state.drawn = None;
+            }
+            let medium = self.scene.medium(state.medium.medium());
             if !medium.is_clear() {
                 state.throughput *= medium.transmittance(hit.distance);
             }
             out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
-            let shading = hit.shading(self.scene.material(&hit));
+            let shading = self.scene.shading_within(&hit, state.medium);
             let directions = Directions::new(self.guide, &hit, &shading, &mut scratch.counters);
             if shading.bsdf.has_specular() || shading.bsdf.has_glossy() {
                 scratch.counters.interfaces += 1;
                 scratch.counters.medium_mismatches +=
-                    u64::from(self.scene.is_medium_mismatch(&hit, state.medium));
+                    u64::from(self.scene.mismatch(&hit, state.medium).is_some());
             }
             if shading.bsdf.has_diffuse() || shading.bsdf.has_glossy() {
                 let direct = self.direct.radiance(&hit, &directions, state.medium, samples, scratch);
@@ -216,7 +220,7 @@ impl PathTracer<'_> {
     pub fn irradiance(
         &self,
         receiver: &Receiver,
-        medium: MediumId,
+        medium: Surroundings,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Irradiance {

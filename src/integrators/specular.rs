@@ -3,7 +3,7 @@
 use super::direct::Drawn;
 use crate::bsdf::TransportMode;
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 pub(super) use crate::sampling::chain_roulette;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
@@ -13,7 +13,7 @@ use crate::scene::{Scene, Shading, SurfaceInteraction};
 pub(super) struct Branch {
     pub ray: Ray,
     pub throughput: Rgb,
-    pub medium: MediumId,
+    pub medium: Surroundings,
     /// Surfaces met before.
     pub depth: u32,
     /// Share of the camera sample that this branch carries: products of Fresnel terms where paths were split.

@@ -1,5 +1,9 @@
 //! What fills the space between surfaces.
 
+mod surroundings;
+
+pub use surroundings::{Crossing, MOST_BODIES, Surroundings};
+
 use crate::math::Rgb;
 
 /// Index of a medium in its scene; 0 is air.
@@ -17,6 +21,8 @@ pub struct Medium {
     pub ior: f32,
     /// Absorption coefficient, per unit of render space.
     pub absorption: Rgb,
+    /// Where bodies overlap, that of the least rank fills the place. No two media have the same.
+    pub rank: u32,
 }
 
 impl Medium {
@@ -40,7 +46,7 @@ mod tests {
 
     #[test]
     fn transmittance_over_the_range_of_optical_depth() {
-        let medium = |sigma| Medium { name: String::new(), ior: 1.0, absorption: Rgb::splat(sigma) };
+        let medium = |sigma| Medium { name: String::new(), ior: 1.0, absorption: Rgb::splat(sigma), rank: 0 };
         for tau in [0.0f64, 1e-6, 0.1, 1.0, 10.0, 80.0] {
             let t = f64::from(medium(tau as f32).transmittance(1.0).x);
             assert!((t / (-f64::from(tau as f32)).exp() - 1.0).abs() < 1e-6, "{tau}: {t}");

@@ -1,6 +1,6 @@
 use super::emission::Emitter;
 use crate::lights::{Light, LightId};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::sampling::Distribution1D;
 use crate::scene::{MapKind, Scene};
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ pub(super) struct Sources<'a> {
     /// By light; `None` where it sends nothing that could be of use.
     emitters: Vec<Option<Emitter<'a>>>,
     /// By light: the medium in front and behind.
-    media: Vec<[MediumId; 2]>,
+    media: Vec<[Surroundings; 2]>,
     /// By importance; `None` where nothing is emitted.
     choice: Option<Distribution1D>,
     /// Lights that are in more than one medium on one side.
@@ -53,7 +53,7 @@ impl<'a> Sources<'a> {
         self.emitters[light].as_ref()
     }
 
-    pub(super) fn media(&self, light: usize) -> [MediumId; 2] {
+    pub(super) fn media(&self, light: usize) -> [Surroundings; 2] {
         self.media[light]
     }
 

@@ -5,7 +5,7 @@ use super::{Photon, PhotonClass};
 use crate::bsdf::{Bsdf, Lambert, Lobe, TransportMode, shading_normal_correction, sides_agree};
 use crate::embree::RawHit;
 use crate::math::{Frame, Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::sampling::{Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
 use glam::{DVec3, Vec2, Vec3};
@@ -195,7 +195,7 @@ struct Flight {
     rng: Rng,
     ray: Ray,
     power: Rgb,
-    medium: MediumId,
+    medium: Surroundings,
     /// Surfaces met.
     depth: u32,
     /// Specular ones since the last that was not.
@@ -231,7 +231,7 @@ impl Flight {
         };
         tally.bounces += 1;
         let arriving = self.power;
-        let medium = pass.scene.medium(self.medium);
+        let medium = pass.scene.medium(self.medium.medium());
         if !(medium.is_clear() || self.from_infinity && self.depth == 0) {
             self.power *= medium.transmittance(hit.t);
         }
@@ -275,7 +275,13 @@ impl Flight {
         tally: &mut PhotonTally,
     ) -> bool {
         let hit = pass.scene.interaction(&self.ray, hit);
-        let shading = hit.shading(pass.scene.material(&hit));
+        if let Some(after) = pass.scene.hidden(self.medium, &hit) {
+            // Light behind a border that is not there counts as a caustic: shadow rays end at the border.
+            self.medium = after;
+            self.ray = hit.spawn(self.ray.direction);
+            return true;
+        }
+        let shading = pass.scene.shading_within(&hit, self.medium);
         if shading.bsdf.has_diffuse() {
             // Density on the surface has the cosine at the geometric normal in it; what is reflected has that at the
             // shading normal.
@@ -376,14 +382,12 @@ impl Flight {
             self.met.interface = true;
             tally.interfaces += 1;
         }
-        let Some(stated) = scene.material(hit).medium_on(hit.is_front()) else { return };
-        if stated != self.medium {
-            if !self.met.mismatch {
-                self.met.mismatch = true;
-                tally.medium_mismatches += 1;
-            }
-            self.medium = stated;
+        let Some(stated) = scene.mismatch(hit, self.medium) else { return };
+        if !self.met.mismatch {
+            self.met.mismatch = true;
+            tally.medium_mismatches += 1;
         }
+        self.medium = stated;
     }
 
     /// Chromatic roulette over what is left of the `power` after a surface: the brightest channel decides, so that

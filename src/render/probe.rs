@@ -6,7 +6,7 @@ use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
 use crate::integrators::{Irradiance, PathTracer, PhotonMapIntegrator, PhotonMaps, Receiver, Scratch};
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, SurfaceInteraction};
 use glam::DVec3;
@@ -146,7 +146,7 @@ impl Sums {
 struct Landing {
     hit: SurfaceInteraction,
     receiver: Receiver,
-    medium: MediumId,
+    medium: Surroundings,
 }
 
 /// Probes the scene. `None` where the observer stopped it. The result does not depend on the number of threads.

@@ -127,13 +127,17 @@ impl Material {
     /// opaque materials, which do not bound media.
     #[inline]
     pub fn medium_on(&self, front: bool) -> Option<MediumId> {
+        self.media().map(|[inside, outside]| if front { outside } else { inside })
+    }
+
+    /// The media inside and outside, of which the surface is the border. `None` for opaque materials.
+    #[inline]
+    pub fn media(&self) -> Option<[MediumId; 2]> {
         match *self {
             Self::Dielectric { inside, outside, .. } | Self::RoughDielectric { inside, outside, .. } => {
-                Some(if front { outside } else { inside })
+                Some([inside, outside])
             }
-            Self::Layered { media, .. } => {
-                media.map(|[inside, outside]| if front { outside } else { inside })
-            }
+            Self::Layered { media, .. } => media,
             Self::Lambert { .. } | Self::Mirror { .. } | Self::Glossy { .. } => None,
         }
     }

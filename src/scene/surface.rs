@@ -3,7 +3,7 @@
 use super::layered::Painted;
 use super::material::Material;
 use super::texture::tinted;
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, Dielectric};
 use crate::embree::SurfacePoint;
 use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Frame, Ray, Rgb, unit_f64};
@@ -310,6 +310,12 @@ impl SurfaceInteraction {
     /// of a one-sided one is black; an interface keeps the side of its normal.
     #[inline]
     pub fn shading(&self, material: &Material) -> Shading {
+        self.shading_between(material, None)
+    }
+
+    /// [`Self::shading`], where an `interface` between other media than the material states takes the place of its own.
+    #[inline]
+    pub(super) fn shading_between(&self, material: &Material, interface: Option<Dielectric>) -> Shading {
         let front = self.is_front();
         let turned = |n: Vec3| if front { n } else { -n };
         let (mut bsdf, keeps_side) = material.bsdf(front);
@@ -318,6 +324,9 @@ impl SurfaceInteraction {
         }
         if self.tint != Rgb::ONE {
             bsdf = tinted(bsdf, self.tint);
+        }
+        if let Some(interface) = interface {
+            bsdf = bsdf.between(interface);
         }
         let (geometric, mut shading) = if keeps_side {
             (self.point.normal, self.shading_normal)

@@ -6,10 +6,11 @@ use super::material::Material;
 use super::render_space::RenderSpace;
 use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
 use super::texture::MaterialTexture;
+use crate::bsdf::Dielectric;
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
 use crate::lights::{Light, LightChoice, LightId};
 use crate::math::{Ray, Rgb, unit};
-use crate::media::{AIR, Medium, MediumId};
+use crate::media::{AIR, Crossing, Medium, MediumId, Surroundings};
 use crate::sampling::{Distribution1D, Sobol, warp};
 use crate::textures::VertexData;
 use glam::{Vec3, Vec3A};
@@ -477,17 +478,86 @@ impl Scene {
         self.plain_interaction(ray, hit).facing_normal()
     }
 
-    /// The medium after scattering from `current` into `direction`; `None` where the direction is on one side of the
-    /// shading normal and on the other of the geometric one: light would pass a surface that it does not pass.
+    /// What a ray within `current` crosses at a hit; `None` where the surface bounds no media.
+    #[inline]
+    fn crossing(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Crossing> {
+        let [inside, outside] = self.material(hit).media()?;
+        let (near, far) = if hit.is_front() { (outside, inside) } else { (inside, outside) };
+        Some(current.crossing(near, far, &self.parts.media))
+    }
+
+    /// [`Self::intersect`] for a ray within `current`, which passes the borders of bodies that are not there because another
+    /// one fills the place. `current` is then where the ray arrives; the distance is that of the whole way. And whether
+    /// there were such borders.
+    #[inline]
+    pub fn intersect_within(
+        &self,
+        ray: &Ray,
+        current: &mut Surroundings,
+    ) -> Option<(SurfaceInteraction, bool)> {
+        let hit = self.intersect(ray)?;
+        match self.hidden(*current, &hit) {
+            None => Some((hit, false)),
+            Some(after) => self.intersect_behind(ray, hit, after, current),
+        }
+    }
+
+    /// Where a ray is behind a border that is not there; `None` for all other surfaces.
+    #[inline]
+    pub fn hidden(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Surroundings> {
+        self.crossing(current, hit).filter(Crossing::is_hidden).map(|crossing| crossing.after)
+    }
+
+    #[cold]
+    fn intersect_behind(
+        &self,
+        ray: &Ray,
+        mut hit: SurfaceInteraction,
+        after: Surroundings,
+        current: &mut Surroundings,
+    ) -> Option<(SurfaceInteraction, bool)> {
+        // More than that is a ray that does not get on.
+        const BORDERS: u32 = 1000;
+        *current = after;
+        for _ in 0..BORDERS {
+            let passed = hit.distance;
+            hit = self.intersect(&hit.spawn(ray.direction))?;
+            hit.distance += passed;
+            match self.hidden(*current, &hit) {
+                None => return Some((hit, true)),
+                Some(after) => *current = after,
+            }
+        }
+        None
+    }
+
+    /// BSDF and frame at a hit of a ray within `current`: where bodies overlap, an interface is one between what is really on
+    /// both of its sides.
+    #[inline]
+    pub fn shading_within(&self, hit: &SurfaceInteraction, current: Surroundings) -> Shading {
+        let material = self.material(hit);
+        let Some(stated) = material.media() else { return hit.shading(material) };
+        let Some(crossing) = self.crossing(current, hit) else { return hit.shading(material) };
+        let (near, far) = (crossing.before.medium(), crossing.after.medium());
+        let [inside, outside] = if hit.is_front() { [far, near] } else { [near, far] };
+        if [inside, outside] == stated {
+            return hit.shading(material);
+        }
+        let ior = |id| f64::from(self.medium(id).ior);
+        hit.shading_between(material, Some(Dielectric::new(ior(outside), ior(inside))))
+    }
+
+    /// Where a ray is after scattering from within `current` into `direction`; `None` where the direction is on one side of
+    /// the shading normal and on the other of the geometric one: light would pass a surface that it does not pass.
     #[inline]
     pub fn medium_after(
         &self,
-        current: MediumId,
+        current: Surroundings,
         hit: &SurfaceInteraction,
         shading: &Shading,
         direction: Vec3,
         transmission: bool,
-    ) -> Option<MediumId> {
+    ) -> Option<Surroundings> {
         let passes = direction.dot(shading.geometric) * hit.wo.dot(shading.geometric) < 0.0;
         if passes != transmission {
             return None;
@@ -495,56 +565,65 @@ impl Scene {
         if !transmission {
             return Some(current);
         }
-        let front = direction.dot(hit.point.normal) > 0.0;
-        Some(self.material(hit).medium_on(front).unwrap_or(current))
+        Some(self.crossing(current, hit).map_or(current, |crossing| crossing.after))
     }
 
-    /// True where an interface is met from another medium than it states on that side: the scene's interfaces
-    /// contradict each other.
+    /// Where a ray is that meets the border of a body from inside without having entered it, as the border says; `None` where
+    /// it is within `current` by all that the hit tells. The scene's interfaces contradict each other then.
     #[inline]
-    pub fn is_medium_mismatch(&self, hit: &SurfaceInteraction, current: MediumId) -> bool {
-        self.material(hit).medium_on(hit.is_front()).is_some_and(|stated| stated != current)
+    pub fn mismatch(&self, hit: &SurfaceInteraction, current: Surroundings) -> Option<Surroundings> {
+        self.crossing(current, hit).filter(|crossing| !crossing.fits).map(|crossing| crossing.before)
     }
 
-    /// The medium at `point`, by asking rays in many directions which side of an interface they meet first: the
-    /// majority decides. Air where no ray meets an interface.
-    pub fn medium_at(&self, point: Vec3) -> MediumId {
+    /// The bodies around `point`, by asking rays in many directions which they leave: the majority decides. None where no ray
+    /// meets an interface.
+    pub fn medium_at(&self, point: Vec3) -> Surroundings {
         self.medium_around(&[(point, Vec3::ZERO)]).0
     }
 
     /// [`Self::medium_at`] by the votes of all `points`, each by rays on the side of its normal where that is not zero; and
-    /// whether more than a quarter of the votes that were cast are for other media.
-    pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (MediumId, bool) {
+    /// whether more than a quarter of the votes that were cast are for others.
+    pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (Surroundings, bool) {
         const RAYS: u32 = 32;
         let sequence = Sobol::new(0x006d_6564_6975_6d00);
-        let mut votes = vec![0u32; self.parts.media.len()];
+        let mut votes: Vec<(Surroundings, u32)> = Vec::new();
         for &(point, normal) in points {
             for index in 0..RAYS {
                 let direction = warp::square_to_sphere(sequence.sample_2d(0, index));
                 let below = direction.dot(normal).min(0.0);
                 let direction = direction - normal * (2.0 * below);
-                if let Some(medium) = self.first_interface(Ray::new(point, direction)) {
-                    votes[medium as usize] += 1;
+                let Some(found) = self.left_along(Ray::new(point, direction)) else { continue };
+                match votes.iter_mut().find(|(known, _)| *known == found) {
+                    Some((_, count)) => *count += 1,
+                    None => votes.push((found, 1)),
                 }
             }
         }
-        let best = votes.iter().copied().max().unwrap_or(0);
-        if best == 0 {
-            return (AIR, false);
-        }
-        let all: u32 = votes.iter().sum();
-        let medium = votes.iter().position(|&n| n == best).map_or(AIR, |index| index as MediumId);
-        (medium, 4 * (all - best) > all)
+        let all: u32 = votes.iter().map(|(_, count)| count).sum();
+        // Of equals the first, which is that of the first ray.
+        let best = votes.iter().rev().max_by_key(|(_, count)| count);
+        best.map_or((Surroundings::AIR, false), |&(found, count)| (found, 4 * (all - count) > all))
     }
 
-    /// The medium on this side of the first interface along `ray`; opaque surfaces do not bound media and are passed.
-    fn first_interface(&self, mut ray: Ray) -> Option<MediumId> {
+    /// The bodies that a ray leaves without having entered them; `None` where it meets no interface. Opaque surfaces do not
+    /// bound media and are passed.
+    fn left_along(&self, mut ray: Ray) -> Option<Surroundings> {
         // A ray that crosses more surfaces than this says nothing; the others decide.
         const CROSSINGS: u32 = 1000;
+        let (mut start, mut at, mut found) = (Surroundings::AIR, Surroundings::AIR, false);
         for _ in 0..CROSSINGS {
-            let hit = self.intersect(&ray)?;
-            if let Some(medium) = self.material(&hit).medium_on(hit.is_front()) {
-                return Some(medium);
+            let Some(hit) = self.intersect(&ray) else { return found.then_some(start) };
+            if let Some(crossing) = self.crossing(at, &hit) {
+                found = true;
+                if !crossing.fits && crossing.before != at {
+                    let [near, far] = [hit.is_front(), !hit.is_front()]
+                        .map(|front| self.material(&hit).medium_on(front).unwrap_or(AIR));
+                    // A border that names both media says what fills the place, which is a contradiction within another body.
+                    if far == AIR || at == Surroundings::AIR {
+                        start = start.crossing(AIR, near, &self.parts.media).after;
+                    }
+                }
+                at = crossing.after;
             }
             ray = hit.spawn(ray.direction);
         }

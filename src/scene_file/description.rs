@@ -187,6 +187,8 @@ pub struct MediumDescription {
     pub ior: f64,
     /// Absorption coefficient per channel, 1/m.
     pub absorption: DVec3,
+    /// Where bodies overlap, the medium of the highest priority fills the place; of equals that of the smallest body.
+    pub priority: i32,
 }
 
 /// A surface model.

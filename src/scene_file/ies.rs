@@ -61,7 +61,15 @@ pub fn read_ies(path: &Path) -> Result<IesFile, IesError> {
         );
         return Err(fail(0, problem));
     }
-    parse_ies(&bytes).map_err(|(line, problem)| fail(line, problem))
+    parse_ies_bytes(&bytes, path)
+}
+
+/// [`read_ies`] of a file's bytes; messages call it `path`.
+///
+/// # Errors
+/// As [`read_ies`].
+pub fn parse_ies_bytes(bytes: &[u8], path: &Path) -> Result<IesFile, IesError> {
+    parse_ies(bytes).map_err(|(line, problem)| IesError { path: path.to_path_buf(), line, problem })
 }
 
 type Failure = (usize, String);
@@ -123,8 +131,7 @@ impl Numbers<'_> {
     }
 }
 
-/// Parses the bytes of a photometric file.
-pub fn parse_ies(bytes: &[u8]) -> Result<IesFile, Failure> {
+fn parse_ies(bytes: &[u8]) -> Result<IesFile, Failure> {
     // Names of makers may be in any encoding; numbers are ASCII.
     let text: String =
         bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();

@@ -106,23 +106,34 @@ fn cells() -> Stage {
 #[test]
 fn no_light_passes_a_thin_wall() {
     let stage = cells();
+    const SEEDS: u64 = 5;
     for error in [0.1, 0.3, 0.5] {
-        // Full estimates, which are clipped to what their centre sees; the nearest precomputed irradiance may lie behind
-        // the wall.
-        let settings = Overrides { cache_error: Some(error), precomputed_irradiance: Some(false), ..quick() };
-        let shot = stage.shoot(&settings);
-        let indirect = shot.layer("indirect");
-        // The cell on the side of -x is on the side where nothing is lit; find out which half of the picture that is.
-        let column = |x: usize| -> f64 { (0..64).map(|y| f64::from(indirect[(y * 64 + x) * 3])).sum() };
-        let halves: [f64; 2] = [(0..32).map(column).sum(), (32..64).map(column).sum()];
-        let (dark, lit) = (halves[0].min(halves[1]), halves[0].max(halves[1]));
-        // The wall is in the middle of the picture; half a pixel of reach on each side of it may show.
-        let dark_is_left = halves[0] < halves[1];
-        let far: f64 = (0..30).map(|i| column(if dark_is_left { i } else { 63 - i })).sum();
-        println!("error {error}: dark {dark:e}, lit {lit:e}, away from the wall {far:e}");
-        // Where the wall ends at the top of the box, sixteen feelers let some 2e-4 of the light pass from cell to cell.
-        assert!(lit > 1.0 && far < 5e-4 * lit, "{far}");
-        assert!(dark < 2e-3 * lit, "{dark} {lit}");
+        let (mut lit, mut dark, mut far) = (0.0, 0.0, 0.0);
+        for seed in 1..=SEEDS {
+            // Full estimates, which are clipped to what their centre sees; the nearest precomputed irradiance may lie
+            // behind the wall.
+            let settings = Overrides {
+                cache_error: Some(error),
+                precomputed_irradiance: Some(false),
+                seed: Some(seed),
+                ..quick()
+            };
+            let shot = stage.shoot(&settings);
+            let indirect = shot.layer("indirect");
+            // The cell on the side of -x is on the side where nothing is lit; find out which half of the picture that is.
+            let column = |x: usize| -> f64 { (0..64).map(|y| f64::from(indirect[(y * 64 + x) * 3])).sum() };
+            let halves: [f64; 2] = [(0..32).map(column).sum(), (32..64).map(column).sum()];
+            dark += halves[0].min(halves[1]);
+            lit += halves[0].max(halves[1]);
+            // The wall is in the middle of the picture; half a pixel of reach on each side of it may show.
+            let dark_is_left = halves[0] < halves[1];
+            far += (0..30).map(|i| column(if dark_is_left { i } else { 63 - i })).sum::<f64>();
+        }
+        println!("error {error}: dark {:e}, away from the wall {:e} of what is lit", dark / lit, far / lit);
+        // Where the wall ends at the top of the box, sixteen feelers let 2.7e-4 of the light pass from cell to cell; a
+        // single seed spreads by 0.9e-4 around that.
+        assert!(lit > 1.0 && far < 4e-4 * lit, "{}", far / lit);
+        assert!(dark < 1.5e-3 * lit, "{}", dark / lit);
     }
 }
 

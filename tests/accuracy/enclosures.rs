@@ -297,6 +297,9 @@ fn shell(liquid_outside: &str) -> String {
         [media.liquid]
         ior = 1.36
 
+        [media.oil]
+        ior = 1.47
+
         [materials.outer]
         type = "dielectric"
         inside = "glass"
@@ -330,7 +333,7 @@ fn nested_interfaces() {
     };
     let rho = [0.3, 0.5, 0.7];
     let right = furnace(CORNER, rho, &shell("glass"));
-    let wrong = furnace(CORNER, rho, &shell("air"));
+    let wrong = furnace(CORNER, rho, &shell("oil"));
     for settings in [&path, &maps] {
         let shot = right.shoot(settings);
         assert_close("shell of liquid", shot.mean("beauty"), grey(1.0), 0.01);
@@ -340,6 +343,14 @@ fn nested_interfaces() {
         assert!(shot.statistics.counters.medium_mismatches > 0);
         assert!(shot.warns("another medium"), "{:?}", shot.statistics.warnings);
     }
+    // Each body within air, one in the other: the smaller one displaces the larger one, as if the interface had said so.
+    let nested = furnace(CORNER, rho, &shell("air"));
+    for settings in [&path, &maps] {
+        let (by_size, stated) = (nested.shoot(settings), right.shoot(settings));
+        assert_close("one body in another", by_size.mean("beauty"), stated.mean("beauty"), 1e-3);
+        assert_eq!(by_size.statistics.counters.medium_mismatches, 0);
+        assert!(by_size.statistics.warnings.is_empty(), "{:?}", by_size.statistics.warnings);
+    }
     // Photons notice as well.
     let shot = wrong.shoot(&maps);
     assert!(shot.warns("photons met an interface in another medium"), "{:?}", shot.statistics.warnings);
@@ -347,4 +358,137 @@ fn nested_interfaces() {
     let inside = furnace("[0.1, 0.2, 0.3]", rho, &shell("glass")).shoot(&path);
     assert_close("inside the liquid", inside.mean("beauty"), grey(1.36 * 1.36), 0.01);
     assert_eq!(inside.statistics.counters.medium_mismatches, 0);
+}
+
+/// Two balls of different glass that share a lens-shaped part, and a third one of the first glass across both.
+#[test]
+fn bodies_overlap_without_a_trace() {
+    let balls = |priority: i32| {
+        format!(
+            r#"
+            [media.flint]
+            ior = 1.7
+            priority = {priority}
+
+            [media.crown]
+            ior = 1.5
+
+            [materials.flint]
+            type = "dielectric"
+            inside = "flint"
+
+            [materials.crown]
+            type = "dielectric"
+            inside = "crown"
+
+            [[shapes]]
+            type = "sphere"
+            center = [-0.25, 0, 0]
+            radius = 0.5
+            material = "flint"
+
+            [[shapes]]
+            type = "sphere"
+            center = [0.3, 0.1, 0]
+            radius = 0.45
+            material = "crown"
+
+            [[shapes]]
+            type = "sphere"
+            center = [0.0, -0.3, 0.1]
+            radius = 0.4
+            material = "crown"
+            "#
+        )
+    };
+    let rho = [0.3, 0.5, 0.7];
+    for priority in [-1, 0, 1] {
+        let stage = furnace(CORNER, rho, &balls(priority));
+        let maps = Overrides {
+            spp: Some(16),
+            global_photons: Some(150_000),
+            caustic_photons: Some(150_000),
+            ..photon_map()
+        };
+        for settings in [&Overrides { spp: Some(128), ..path() }, &maps] {
+            let shot = stage.shoot(settings);
+            assert_close("balls in each other", shot.mean("beauty"), grey(1.0), 0.01);
+            assert_eq!(shot.statistics.counters.medium_mismatches, 0);
+            assert!(shot.statistics.warnings.is_empty(), "{:?}", shot.statistics.warnings);
+        }
+        // The camera is in both; the one that counts has its radiance by the square of its index.
+        let eye = "[0.05, 0.1, 0.2]";
+        let inside = furnace(eye, rho, &balls(priority)).shoot(&Overrides { spp: Some(128), ..path() });
+        let index: f64 = if priority > 0 { 1.7 } else { 1.5 };
+        assert_close("within both", inside.mean("beauty"), grey(index * index), 0.01);
+        assert_eq!(inside.statistics.counters.medium_mismatches, 0);
+    }
+}
+
+/// Beer's law through two slabs, of which half of each is the other.
+#[test]
+fn the_prior_body_absorbs() {
+    let slabs = |priorities: [i32; 2]| {
+        let [first, second] = priorities;
+        format!(
+            r#"
+            [camera]
+            eye = [0, 0, 9]
+            at = [0, 0, 0]
+            fov = 0.1
+
+            [media.first]
+            ior = 1.0
+            absorption = [0.3, 0.6, 0.9]
+            priority = {first}
+
+            [media.second]
+            ior = 1.0
+            absorption = [1.1, 0.7, 0.2]
+            priority = {second}
+
+            [materials.first]
+            type = "dielectric"
+            inside = "first"
+
+            [materials.second]
+            type = "dielectric"
+            inside = "second"
+
+            [materials.black]
+            type = "lambert"
+            reflectance = 0
+
+            [[shapes]]
+            type = "box"
+            min = [-1, -1, 0]
+            max = [1, 1, 1]
+            material = "first"
+
+            [[shapes]]
+            type = "box"
+            min = [-2, -2, 0.5]
+            max = [2, 2, 1.75]
+            material = "second"
+
+            [[shapes]]
+            type = "quad"
+            corner = [-3, -3, -2]
+            edge-u = [6, 0, 0]
+            edge-v = [0, 6, 0]
+            material = "black"
+            emission = {{ radiance = [1, 1, 1] }}
+            "#
+        )
+    };
+    let (first, second) = ([0.3, 0.6, 0.9], [1.1, 0.7, 0.2]);
+    // Without priorities the smaller body is there.
+    for (priorities, lengths) in
+        [([1, 0], [1.0, 0.75]), ([0, 1], [0.5, 1.25]), ([0, 0], [1.0, 0.75]), ([-3, -2], [0.5, 1.25])]
+    {
+        let shot = Stage::new(&slabs(priorities), (4, 4)).shoot(&Overrides { spp: Some(4), ..path() });
+        let want = [0, 1, 2].map(|c| f64::exp(-(first[c] * lengths[0] + second[c] * lengths[1])));
+        assert_close(&format!("priorities {priorities:?}"), shot.mean("beauty"), want, 1e-5);
+        assert_eq!(shot.statistics.counters.medium_mismatches, 0);
+    }
 }

@@ -175,3 +175,14 @@ fn a_target_is_reached_and_its_rounds_give_the_same_picture() {
     let alone = Overrides { target_error: Some(0.1), ..Overrides::default() };
     assert_eq!(stage.settings(&alone).integrator, IntegratorKind::Progressive);
 }
+
+/// In the crevices of a polished flake every gather ray meets many surfaces from which sampling might go on, all of which had one
+/// more each: that grew without an end. Together they are worth less than one ray.
+#[test]
+fn recursion_dies_out_between_polished_spheres() {
+    let stage = Stage::load("museum", (24, 18));
+    let rendered = shoot(&stage, &in_rounds(1), Rounds::keeping_nothing()).unwrap();
+    let counters = &rendered.statistics.counters;
+    println!("{} evaluations drawn, {} gather rays", counters.accurate_drawn, counters.gather_rays);
+    assert!(counters.accurate_drawn > 500 && counters.accurate_drawn < 10_000, "{counters:?}");
+}

@@ -3,6 +3,7 @@
 use crate::support::*;
 use cardioid::bsdf::TransportMode;
 use cardioid::math::Ray;
+use cardioid::media::Surroundings;
 use cardioid::render::{MapKind, Overrides};
 use cardioid::sampling::ONE_MINUS_EPSILON;
 use glam::{Vec2, Vec3};
@@ -377,11 +378,11 @@ fn focal_length_of_a_ball() {
                 .sample(shading.wo_local, ONE_MINUS_EPSILON, Vec2::ZERO, TransportMode::Flux)
                 .unwrap();
             let direction = shading.frame.to_world(sample.wi);
-            assert!(!scene.is_medium_mismatch(&hit, medium));
+            assert!(scene.mismatch(&hit, medium).is_none());
             medium = scene.medium_after(medium, &hit, &shading, direction, sample.transmission).unwrap();
             ray = hit.spawn(direction);
         }
-        assert!(scene.intersect(&ray).is_none() && medium == 0);
+        assert!(scene.intersect(&ray).is_none() && medium == Surroundings::AIR);
         // Exact for this height, by Snell's law: deviation 2 (i - t), and the way out through the sphere.
         let (sin_i, i) = (f64::from(height), f64::from(height).asin());
         let t = (sin_i / ior).asin();

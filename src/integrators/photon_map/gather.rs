@@ -8,7 +8,7 @@ use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
@@ -21,19 +21,21 @@ const CLOSE_RECURSIONS: u32 = 2;
 /// Diffuse reflections after the first one for which too few photons are still replaced by sampling.
 const POOR_RECURSIONS: u32 = 8;
 
-/// Diffuse reflections after the first one that are followed without Russian roulette, in rounds of progressive rendering.
+/// Diffuse reflections after the first one that are followed without Russian roulette, where they are what a gather ray meets
+/// first.
 const SURE_RECURSIONS: u32 = 2;
 
 /// Smallest probability of that roulette.
-const LEAST_SURVIVAL: f32 = 0.1;
+const LEAST_SURVIVAL: f32 = 1e-3;
 
 /// Albedo beyond which light is taken to be reflected no longer, in the estimate of a bias.
 const LARGEST_ALBEDO: f32 = 0.9;
 
-/// Numbers of the decisions of a progressive round among those that a gather ray's own number is refreshed for; depths are
-/// below.
+/// Numbers of decisions among those that a gather ray's own number is refreshed for. `LANDINGS` less a depth is for the surface
+/// at that depth; four times depths are far below.
 const MAP_OR_NOT: u32 = u32::MAX;
 const GO_ON_OR_NOT: u32 = u32::MAX - 1;
+const LANDINGS: u32 = u32::MAX - 2;
 
 /// An estimate that rests on fewer photons than this is poor.
 const POOR_PHOTONS: u32 = 8;
@@ -67,7 +69,7 @@ pub(super) struct Gathered {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Start {
     pub(super) ray: Ray,
-    pub(super) medium: MediumId,
+    pub(super) medium: Surroundings,
     /// Density of the direction, where light of emitters that the ray hits is wanted as well.
     pub(super) direct_pdf: Option<f32>,
     /// Whether light reflected by what the ray hits is wanted.
@@ -76,6 +78,29 @@ pub(super) struct Start {
     pub(super) recursion: u32,
     /// What the light is multiplied by on its way to the eye, brightest channel.
     pub(super) weight: f32,
+}
+
+/// A surface that a gather ray met.
+struct Landed<'a> {
+    vertex: Vertex<'a>,
+    /// Length of the last segment to there.
+    distance: f32,
+    /// Diffuse reflections before, but for the one at which the first gather ray starts.
+    recursion: u32,
+    /// Probability with which sampling goes on from here, where the map is not read.
+    survival: f32,
+}
+
+/// Probability with which recursive sampling goes on from the diffuse lobe of a surface to which a gather ray brings `passed`
+/// of the light that leaves there.
+///
+/// A gather ray meets several such surfaces where they have glossy lobes too. In proportion to what arrives from each, all of
+/// them together are followed by fewer than one ray, as albedos are below one: so the recursion dies out, in the crevices of
+/// a polished flake as well.
+fn survival_of_recursion(passed: f32, shading: &Shading) -> f32 {
+    let [diffuse, ..] = shading.bsdf.lobe_weights(shading.wo_local);
+    let survival = passed * diffuse;
+    if survival.is_nan() { 1.0 } else { survival.clamp(LEAST_SURVIVAL, 1.0) }
 }
 
 impl PhotonMapIntegrator<'_> {
@@ -165,7 +190,7 @@ impl PhotonMapIntegrator<'_> {
         let own = u;
         for depth in 0..self.settings.max_depth {
             scratch.counters.depth_sum += 1;
-            let Some(hit) = self.scene.intersect(&ray) else {
+            let Some((hit, passed)) = self.scene.intersect_within(&ray, &mut medium) else {
                 if let (0, Some(pdf)) = (depth, direct_pdf) {
                     found.direct = self.outside_by_bsdf(vertex, ray.direction, pdf);
                 }
@@ -176,14 +201,15 @@ impl PhotonMapIntegrator<'_> {
             found.distance += hit.distance;
             if depth == 0 {
                 found.nearest = hit.distance;
-                if let Some(pdf) = direct_pdf {
+                // Behind a border that is not there, light comes as a caustic.
+                if let Some(pdf) = direct_pdf.filter(|_| !passed) {
                     found.direct = throughput * self.emitted_by_bsdf(vertex, &hit, pdf);
                 }
                 if !start.indirect {
                     return found;
                 }
             }
-            let shading = hit.shading(self.scene.material(&hit));
+            let shading = self.scene.shading_within(&hit, medium);
             if !shading.bsdf.is_delta() {
                 let segments = vertex.depth + depth + 1;
                 scratch.counters.gather_paths += 1;
@@ -197,7 +223,17 @@ impl PhotonMapIntegrator<'_> {
                     depth: segments,
                     travelled: vertex.travelled + found.distance,
                 };
-                let (leaving, bias) = self.leaving(&landing, hit.distance, start.recursion, u, scratch);
+                let passed = throughput.max_element();
+                let survival = if depth == 0 && start.recursion < SURE_RECURSIONS {
+                    1.0
+                } else {
+                    survival_of_recursion(passed, &shading)
+                };
+                let landed =
+                    Landed { vertex: landing, distance: hit.distance, recursion: start.recursion, survival };
+                // Each surface of a chain decides for itself.
+                let u = if depth == 0 { u } else { refreshed(own, LANDINGS - depth) };
+                let (leaving, bias) = self.leaving(&landed, u, scratch);
                 found.indirect += throughput * leaving;
                 found.bias += throughput * bias;
                 if !(shading.bsdf.has_glossy() || shading.bsdf.has_specular()) {
@@ -242,49 +278,36 @@ impl PhotonMapIntegrator<'_> {
     /// unless the surface is so close that the blur of the map would show (corners), or photons are too few.
     /// That is its diffuse lobe; highly glossy ones are sampled even here, see [`Self::continue_gathering`]. And by how much
     /// it is expected to be off, in rounds of progressive rendering.
-    fn leaving(
-        &self,
-        landing: &Vertex<'_>,
-        distance: f32,
-        recursion: u32,
-        u: f32,
-        scratch: &mut Scratch,
-    ) -> (Rgb, Rgb) {
-        if !landing.shading.bsdf.has_diffuse() || !self.has_photons() {
+    fn leaving(&self, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> (Rgb, Rgb) {
+        if !landed.vertex.shading.bsdf.has_diffuse() || !self.has_photons() {
             return (Rgb::ZERO, Rgb::ZERO);
         }
         if let Some(narrowing) = self.settings.narrowing
             && refreshed(u, MAP_OR_NOT) >= narrowing.read_share
         {
-            return self.compared(narrowing.read_share, (landing, distance), recursion, u, scratch);
+            return self.compared(narrowing.read_share, landed, u, scratch);
         }
-        (self.mostly_approximate(landing, distance, recursion, u, scratch), Rgb::ZERO)
+        (self.mostly_approximate(landed, u, scratch), Rgb::ZERO)
     }
 
     /// [`Self::leaving`] without what rounds of progressive rendering do.
-    fn mostly_approximate(
-        &self,
-        landing: &Vertex<'_>,
-        distance: f32,
-        recursion: u32,
-        u: f32,
-        scratch: &mut Scratch,
-    ) -> Rgb {
-        if self.is_too_close(landing, distance, recursion) {
+    fn mostly_approximate(&self, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> Rgb {
+        let Vertex { hit, shading, .. } = landed.vertex;
+        if self.is_too_close(landed) {
             scratch.counters.accurate_close += 1;
-            return self.accurate(landing, recursion, u, scratch);
+            return self.accurate(landed, u, scratch);
         }
-        if let Some(radiance) = self.approximate(landing.hit, landing.shading, scratch) {
+        if let Some(radiance) = self.approximate(hit, shading, scratch) {
             scratch.counters.approximate_diffuse += 1;
             return radiance;
         }
         scratch.counters.empty_lookups += 1;
-        if recursion < POOR_RECURSIONS {
+        if landed.recursion < POOR_RECURSIONS {
             scratch.counters.accurate_poor += 1;
-            return self.accurate(landing, recursion, u, scratch);
+            return self.accurate(landed, u, scratch);
         }
         scratch.counters.approximate_poor += 1;
-        self.poor_estimate(landing.hit, landing.shading, scratch)
+        self.poor_estimate(hit, shading, scratch)
     }
 
     /// Whether there is indirect light. An empty map is warned about, and not made up for.
@@ -294,9 +317,9 @@ impl PhotonMapIntegrator<'_> {
     }
 
     /// Whether a surface is so close that the blur of the map would show, and carries enough for that to matter.
-    fn is_too_close(&self, landing: &Vertex<'_>, distance: f32, recursion: u32) -> bool {
-        let matters = landing.weight >= self.settings.approximate_weight;
-        distance < self.settings.accurate_distance && recursion < CLOSE_RECURSIONS && matters
+    fn is_too_close(&self, landed: &Landed<'_>) -> bool {
+        let matters = landed.vertex.weight >= self.settings.approximate_weight;
+        landed.distance < self.settings.accurate_distance && landed.recursion < CLOSE_RECURSIONS && matters
     }
 
     /// The four integrals where the map is read with probability `read_share` and now is not. And an estimate of the bias
@@ -305,46 +328,39 @@ impl PhotonMapIntegrator<'_> {
     /// With b the bias of the map and a that of what is returned here, which goes on to places that read the map with
     /// probability q as well, a = albedo (q b + (1 - q) a), so that the mean is off by
     /// q b + (1 - q) a = q (b - a) / (1 - albedo), and b - a is the difference of the two.
-    fn compared(
-        &self,
-        read_share: f32,
-        (landing, distance): (&Vertex<'_>, f32),
-        recursion: u32,
-        u: f32,
-        scratch: &mut Scratch,
-    ) -> (Rgb, Rgb) {
+    fn compared(&self, read_share: f32, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> (Rgb, Rgb) {
+        let Vertex { hit, shading, .. } = landed.vertex;
         scratch.counters.accurate_drawn += 1;
-        let albedo = landing.shading.bsdf.albedo(landing.shading.wo_local).max_element();
-        // Where the way would be endless, it ends by chance.
-        let survival = if recursion < SURE_RECURSIONS { 1.0 } else { albedo.clamp(LEAST_SURVIVAL, 1.0) };
-        if survival < 1.0 && refreshed(u, GO_ON_OR_NOT) >= survival {
-            return (Rgb::ZERO, Rgb::ZERO);
-        }
-        let radiance = self.accurate(landing, recursion, u, scratch) / survival;
+        let radiance = self.accurate(landed, u, scratch);
         // Where no map is read either way, none brings bias.
-        if recursion > 0 || self.is_too_close(landing, distance, recursion) {
+        if landed.recursion > 0 || self.is_too_close(landed) {
             return (radiance, Rgb::ZERO);
         }
-        let Some(read) = self.approximate(landing.hit, landing.shading, scratch) else {
+        let Some(read) = self.approximate(hit, shading, scratch) else {
             return (radiance, Rgb::ZERO);
         };
+        let albedo = shading.bsdf.albedo(shading.wo_local).max_element();
         let ways_on = 1.0 / (1.0 - albedo.min(LARGEST_ALBEDO));
         // Each such difference stands for all gather rays, of which this one was drawn with this probability.
         (radiance, (read - radiance) * (read_share * ways_on / (1.0 - read_share)))
     }
 
-    /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling.
-    fn accurate(&self, at: &Vertex<'_>, recursion: u32, u: f32, scratch: &mut Scratch) -> Rgb {
+    /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling, which ends by chance.
+    fn accurate(&self, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> Rgb {
+        let Landed { vertex: at, recursion, survival, .. } = landed;
+        if *survival < 1.0 && refreshed(u, GO_ON_OR_NOT) >= *survival {
+            return Rgb::ZERO;
+        }
         let p = at.hit.point.position;
         let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
         let key = mix(mix(bits(p.x, p.y)) ^ bits(p.z, u));
-        let mut samples = SampleStream::new(key, u64::from(recursion), 0);
+        let mut samples = SampleStream::new(key, u64::from(*recursion), 0);
         let directions = self.directions(at, scratch);
         let direct = self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch);
         let point = [samples.splits(1).get_4d(0)].into_iter();
         let gathered = self.gather_from(at, &directions, point, (true, recursion + 1), scratch);
         let other = direct.diffuse + gathered.direct + gathered.indirect;
-        other + self.caustics_behind(at, other, scratch)
+        (other + self.caustics_behind(at, other, scratch)) / *survival
     }
 
     /// Radiance of a diffuse surface read from the global map; `None` where that rests on too few photons.

@@ -7,7 +7,7 @@ use crate::integrators::direct::{DirectLighting, Drawn, receiver};
 use crate::integrators::specular::{Branch, SMALLEST_SHARE, SPLIT_DEPTH, chain_roulette};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::sampling::{ONE_MINUS_EPSILON, SampleStream};
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 use glam::{Vec2, Vec3};
@@ -118,7 +118,7 @@ pub(super) fn outside(
 /// A gather ray that goes on.
 pub(super) struct Continued {
     pub ray: Ray,
-    pub medium: MediumId,
+    pub medium: Surroundings,
     pub throughput: Rgb,
 }
 
@@ -127,7 +127,7 @@ impl PhotonMapIntegrator<'_> {
     /// 2: highly glossy surfaces are traced there too); `None` where it ends. `numbers` are hashes of the gather ray's own.
     pub(super) fn continue_gathering(
         &self,
-        medium: MediumId,
+        medium: Surroundings,
         hit: &SurfaceInteraction,
         shading: &Shading,
         numbers: [f32; 4],

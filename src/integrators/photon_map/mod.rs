@@ -23,7 +23,7 @@ use super::{Directions, Integrator, Scratch};
 use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::photons::{
     DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion,
     ShadowMaps,
@@ -157,7 +157,7 @@ pub struct PhotonMapIntegrator<'a> {
     settings: PhotonMapSettings,
     direct: DirectLighting<'a>,
     bsdf_sampling: bool,
-    camera_medium: MediumId,
+    camera_medium: Surroundings,
     cache: Option<IrradianceCache>,
 }
 
@@ -165,7 +165,7 @@ pub struct PhotonMapIntegrator<'a> {
 struct Vertex<'a> {
     hit: &'a SurfaceInteraction,
     shading: &'a Shading,
-    medium: MediumId,
+    medium: Surroundings,
     /// Share of the camera sample that arrives here: scales the number of gather rays.
     share: f32,
     /// What light from here is multiplied by on its way to the eye, brightest channel.
@@ -183,7 +183,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         maps: &'a PhotonMaps,
         plan: &RenderPlan,
         settings: PhotonMapSettings,
-        camera_medium: MediumId,
+        camera_medium: Surroundings,
     ) -> Self {
         let bsdf_sampling = plan.bsdf_sampling.build;
         let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling)
@@ -291,8 +291,8 @@ impl<'a> PhotonMapIntegrator<'a> {
         Some(lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
-    fn transmittance(&self, medium: MediumId, distance: f32) -> Rgb {
-        let medium = self.scene.medium(medium);
+    fn transmittance(&self, medium: Surroundings, distance: f32) -> Rgb {
+        let medium = self.scene.medium(medium.medium());
         if medium.is_clear() { Rgb::ONE } else { medium.transmittance(distance) }
     }
 

@@ -6,7 +6,7 @@ use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::{Integrator, Scratch};
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
 use std::f32::consts::FRAC_1_PI;
@@ -18,7 +18,7 @@ pub struct ShowPhotons<'a> {
     maps: &'a PhotonMaps,
     kind: MapKind,
     settings: PhotonMapSettings,
-    camera_medium: MediumId,
+    camera_medium: Surroundings,
 }
 
 impl<'a> ShowPhotons<'a> {
@@ -28,7 +28,7 @@ impl<'a> ShowPhotons<'a> {
         maps: &'a PhotonMaps,
         kind: MapKind,
         settings: PhotonMapSettings,
-        camera_medium: MediumId,
+        camera_medium: Surroundings,
     ) -> Self {
         Self { scene, maps, kind, settings, camera_medium }
     }

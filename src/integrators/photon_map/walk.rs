@@ -7,7 +7,7 @@ use crate::integrators::direct::DirectLighting;
 use crate::integrators::specular::{Branch, push_children};
 use crate::integrators::{Scratch, describe_first_hit};
 use crate::math::{Ray, Rgb};
-use crate::media::MediumId;
+use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
 
@@ -29,7 +29,7 @@ pub(super) struct Walk<'a> {
 pub(super) fn walk_specular<const N: usize>(
     walk: Walk<'_>,
     ray: Ray,
-    medium: MediumId,
+    medium: Surroundings,
     samples: &mut SampleStream,
     scratch: &mut Scratch,
     shade: &mut impl FnMut(&Vertex<'_>, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); N],
@@ -55,7 +55,7 @@ pub(super) fn walk_specular<const N: usize>(
         scratch.counters.depth_sum += 1;
         scratch.counters.specular_rays += u64::from(!(first || branch.is_glossy));
         scratch.counters.glossy_rays += u64::from(branch.is_glossy);
-        let Some(hit) = scene.intersect(&branch.ray) else {
+        let Some((hit, passed)) = scene.intersect_within(&branch.ray, &mut branch.medium) else {
             let found = outside(scene, lights, branch.drawn, branch.ray.direction);
             out.add(part(Aov::Emission), branch.throughput * found);
             continue;
@@ -63,16 +63,20 @@ pub(super) fn walk_specular<const N: usize>(
         if first {
             describe_first_hit(&mut out, scene, &hit);
         }
-        let medium = scene.medium(branch.medium);
+        if passed {
+            // Shadow rays end at every surface, also at one that is not there for this ray.
+            branch.drawn = None;
+        }
+        let medium = scene.medium(branch.medium.medium());
         if !medium.is_clear() {
             branch.throughput *= medium.transmittance(hit.distance);
         }
         out.add(part(Aov::Emission), branch.throughput * emitted(scene, lights, branch.drawn, &hit));
-        let shading = hit.shading(scene.material(&hit));
+        let shading = scene.shading_within(&hit, branch.medium);
         let bsdf = &shading.bsdf;
         if bsdf.has_specular() || bsdf.has_glossy() {
             scratch.counters.interfaces += 1;
-            scratch.counters.medium_mismatches += u64::from(scene.is_medium_mismatch(&hit, branch.medium));
+            scratch.counters.medium_mismatches += u64::from(scene.mismatch(&hit, branch.medium).is_some());
             if branch.depth + 1 >= max_depth {
                 scratch.counters.truncated += 1;
             } else if bsdf.is_delta() {

@@ -17,7 +17,17 @@ pub struct ErrorEstimate {
     pub noise: f64,
     /// Of bias.
     pub bias: f64,
+    /// Pixels that one half shows far brighter than the other: something small and bright was met there by chance, and the error
+    /// is not known.
+    pub glints: u64,
+    /// Noise of all others.
+    pub noise_without_glints: f64,
 }
+
+/// A pixel of whose channels one differs between the halves by more than so many times what the darker of them is, with the root of
+/// the floor, is a glint: what was met by chance is nearly all of its mean. How bright such a pixel really is cannot be told from two
+/// halves, nor how far off; it counts as off by about all of itself.
+const GLINT: f64 = 4.0;
 
 /// What is added to the square of a radiance in relative errors, over the square of the picture's mean.
 const FLOOR: f64 = 0.01;
@@ -44,19 +54,34 @@ pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEsti
         return None;
     }
     // Relative to the mean from the start, so that no square leaves the range.
-    let (mut noise, mut bias) = (0.0, 0.0);
+    let (mut noise, mut other_noise, mut bias, mut glints) = (0.0, 0.0, 0.0, 0);
     for ([e, e_bias], [o, o_bias]) in pixels() {
-        let value = whole(e, o) / mean;
-        let weight = (value * value + FLOOR).recip();
         let difference = (e - o) / mean;
-        noise += (difference * difference * weight).element_sum();
-        bias += (e_bias / mean * (o_bias / mean) * weight).element_sum();
+        let square = |value: DVec3| value * value + FLOOR;
+        let of_pixel = (difference * difference / square(whole(e, o) / mean)).element_sum();
+        let darker = square(e.abs().min(o.abs()) / mean);
+        let is_glint = (difference * difference).cmpgt(GLINT * GLINT * darker).any();
+        noise += of_pixel;
+        if is_glint {
+            glints += 1;
+        } else {
+            other_noise += of_pixel;
+        }
+        bias += (e_bias / mean * (o_bias / mean) / square(whole(e, o) / mean)).element_sum();
     }
-    let noise = noise / (3.0 * count) * (even * odd) / (all * all);
+    let [noise, other_noise] =
+        [noise, other_noise].map(|sum| sum / (3.0 * count) * (even * odd) / (all * all));
     // Below zero by chance where there is next to none.
     let bias = (bias / (3.0 * count)).max(0.0);
     let rounds = rounds[0] + rounds[1];
-    Some(ErrorEstimate { rounds, error: (noise + bias).sqrt(), noise: noise.sqrt(), bias: bias.sqrt() })
+    Some(ErrorEstimate {
+        rounds,
+        error: (noise + bias).sqrt(),
+        noise: noise.sqrt(),
+        bias: bias.sqrt(),
+        glints,
+        noise_without_glints: other_noise.sqrt(),
+    })
 }
 
 #[cfg(test)]
@@ -100,6 +125,25 @@ mod tests {
             assert!((found.bias.powi(2) - 0.01 / 1.01).abs() < certain, "{rounds:?}: {found:?}");
             assert!((found.error.powi(2) - found.noise.powi(2) - found.bias.powi(2)).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn what_one_half_alone_has_met_is_not_taken_for_light() {
+        let rounds = [8, 8];
+        let mut films = halves(rounds, 0.5, 0.0, 1.0);
+        let before = error_of_halves(&films, rounds).unwrap();
+        assert_eq!((before.glints, before.noise_without_glints), (0, before.noise));
+        let mut tile = films[0].tile(films[0].rect()).unwrap();
+        let mut sample = PixelSample::default();
+        sample.radiance[0] = Rgb::splat(9_000.0);
+        tile.add(3, 4, 1.0, &sample);
+        films[0].merge(&tile).unwrap();
+        let found = error_of_halves(&films, rounds).unwrap();
+        assert_eq!(found.glints, 1);
+        assert!((found.noise_without_glints / before.noise - 1.0).abs() < 0.5, "{found:?} {before:?}");
+        // Off by all of itself, in 4096 pixels.
+        let (added, all) = (found.noise.powi(2) - found.noise_without_glints.powi(2), 1.0 / 4096.0);
+        assert!((added / all - 1.0).abs() < 0.05, "{found:?}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod gltf_shapes;
 mod light;
+mod media;
 mod own_materials;
 mod place;
 mod textured;
@@ -21,7 +22,6 @@ use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::image_io::ImageError;
 use crate::lights::{AreaLight, Light};
 use crate::math::Bounds3;
-use crate::media::Medium;
 use crate::render::{Observer, Silent};
 use crate::scene::{
     Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
@@ -210,7 +210,7 @@ pub fn build_scene_watched(
         surfaces,
         materials: materials(description),
         textures: textures(description),
-        media: media(description, &space),
+        media: media::media(description, &space, &placed),
         lights,
         space,
         bounds: (space.position(bounds.center()).as_vec3(), radius),
@@ -743,15 +743,6 @@ fn textures(description: &SceneDescription) -> Vec<MaterialTexture> {
         })
         .collect();
     if textures.iter().all(MaterialTexture::is_plain) { Vec::new() } else { textures }
-}
-
-fn media(description: &SceneDescription, space: &RenderSpace) -> Vec<Medium> {
-    let medium = |medium: &super::Named<super::MediumDescription>| Medium {
-        name: medium.name.clone(),
-        ior: medium.value.ior as f32,
-        absorption: (medium.value.absorption / space.scale).as_vec3(),
-    };
-    description.media.iter().map(medium).collect()
 }
 
 /// A camera that looks at the whole scene from above and in front.

@@ -11,7 +11,7 @@ use crate::scene_file::description::{
 };
 use crate::scene_file::mesh::TriangleMesh;
 use crate::scene_file::obj::{MtlFinish, MtlMaterial, MtlPicture, ObjPart, read_mtl, read_obj_with};
-use crate::textures::{Encoding, ImageTexture, Sampler, TextureSlot, VertexData, Wrap};
+use crate::textures::{Encoding, ImageTexture, Sampler, TextureBudget, TextureSlot, VertexData, Wrap};
 use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -137,6 +137,7 @@ fn add_materials(
     let mut missing = Vec::new();
     let mut pictures: HashMap<PathBuf, Option<Arc<ImageTexture>>> = HashMap::new();
     let mut warnings = Vec::new();
+    let mut budget = TextureBudget::default();
     for part in parts {
         let Some(name) = part.material.as_deref() else { continue };
         let Some(Found { material, folder }) = found.get(name) else {
@@ -148,7 +149,8 @@ fn add_materials(
         let picture = usable.and_then(|picture| {
             let file = folder.join(&picture.file);
             let texture = pictures.entry(file.clone()).or_insert_with(|| {
-                match ImageTexture::read(&file, Encoding::Srgb) {
+                let texture = ImageTexture::read(&file, Encoding::Srgb);
+                match texture.and_then(|texture| budget.take(texture, &file)) {
                     Ok(texture) => Some(Arc::new(texture)),
                     Err(error) => {
                         warnings
@@ -180,7 +182,7 @@ fn add_materials(
                 taken.media.push(Named {
                     name: format!("inside of {name}"),
                     location: shape.location.clone(),
-                    value: MediumDescription { ior, absorption: DVec3::ZERO },
+                    value: MediumDescription { ior, absorption: DVec3::ZERO, priority: 0 },
                 });
                 MaterialDescription::Dielectric { inside: taken.media.len() - 1, outside: 0, roughness: 0.0 }
             }

@@ -6,11 +6,12 @@ use crate::bsdf::{Body, Dielectric, LayeredParameters};
 use crate::math::Rgb;
 use crate::scene::{Coverage, LayeredMaterial};
 use crate::scene_file::description::{MaterialDescription, MediumDescription, Named, SceneDescription};
-use crate::textures::{Encoding, ImageTexture, Sampler, TextureSlot, Wrap};
+use crate::textures::{Encoding, ImageTexture, Sampler, TextureBudget, TextureSlot, Wrap};
 use glam::{Affine2, DVec3, Mat2, Vec2};
 use gltf::image::Source;
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Luminous flux of one watt (of green light), lm/W: how photometric units become radiometric ones.
@@ -18,9 +19,6 @@ pub(super) const LUMENS_PER_WATT: f64 = 683.0;
 
 /// A medium that lets less than this through over the attenuation distance is taken to let this much through.
 const LEAST_ATTENUATION: f64 = 1e-6;
-
-/// Memory that textures of one file may take.
-const MOST_TEXELS: usize = 1 << 32;
 
 /// What the loader keeps of a material.
 #[derive(Clone, Debug)]
@@ -39,7 +37,7 @@ pub(super) struct Materials<'a> {
     json: &'a Value,
     converted: BTreeMap<(Option<usize>, bool), Converted>,
     images: BTreeMap<(usize, bool), Arc<ImageTexture>>,
-    texels: usize,
+    budget: TextureBudget,
 }
 
 /// A part of the JSON, and what messages call it.
@@ -99,7 +97,13 @@ impl<'a> Part<'a> {
 
 impl<'a> Materials<'a> {
     pub(super) fn new(document: &'a gltf::Document, json: &'a Value) -> Self {
-        Self { document, json, converted: BTreeMap::new(), images: BTreeMap::new(), texels: 0 }
+        Self {
+            document,
+            json,
+            converted: BTreeMap::new(),
+            images: BTreeMap::new(),
+            budget: TextureBudget::default(),
+        }
     }
 
     /// The material of a primitive; `coloured` where its vertices have colours.
@@ -251,7 +255,7 @@ impl<'a> Materials<'a> {
         description.media.push(Named {
             name: format!("inside of {name}"),
             location: description.location.clone(),
-            value: MediumDescription { ior: f64::from(ior), absorption },
+            value: MediumDescription { ior: f64::from(ior), absorption, priority: 0 },
         });
         Ok(Some([description.media.len() - 1, 0]))
     }
@@ -325,14 +329,7 @@ impl<'a> Materials<'a> {
                 Err(problem) => return fail(object, problem),
             },
         };
-        self.texels += texture.bytes();
-        if self.texels > MOST_TEXELS {
-            return fail(
-                object,
-                format!("the pictures of this file take more than {MOST_TEXELS} bytes; scale them down"),
-            );
-        }
-        let texture = Arc::new(texture);
+        let texture = Arc::new(self.budget.take(texture, Path::new(&object)).map_err(failed)?);
         self.images.insert(key, Arc::clone(&texture));
         Ok(texture)
     }

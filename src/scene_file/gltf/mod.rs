@@ -137,14 +137,23 @@ fn choose(wanted: &str, names: &[Option<String>], what: &str) -> Result<usize, F
 /// Where the file, or another that it needs, cannot be read, is damaged, or asks for what is not there: with file, object,
 /// and what to do.
 pub fn gltf_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, GltfError> {
-    load(path, parameters).map_err(|(object, problem)| GltfError {
-        file: path.to_owned(),
-        object: shown(&object),
-        problem: match problem {
-            GltfProblem::Other(text) => GltfProblem::Other(cut(&text, LONGEST)),
-            other => other,
-        },
-    })
+    read_file(path).and_then(|bytes| load(&bytes, path, parameters)).map_err(|failure| told(path, failure))
+}
+
+/// [`gltf_scene`] of a file's bytes; messages call it `path`, and other files that it names are looked for beside that.
+///
+/// # Errors
+/// As [`gltf_scene`].
+pub fn parse_gltf_bytes(bytes: &[u8], path: &Path) -> Result<SceneDescription, GltfError> {
+    load(bytes, path, &[]).map_err(|failure| told(path, failure))
+}
+
+fn told(path: &Path, (object, problem): Failure) -> GltfError {
+    let problem = match problem {
+        GltfProblem::Other(text) => GltfProblem::Other(cut(&text, LONGEST)),
+        other => other,
+    };
+    GltfError { file: path.to_owned(), object: shown(&object), problem }
 }
 
 /// The meshes of a file alone, with their materials: for scene files, which have light and camera of their own.
@@ -177,14 +186,17 @@ pub(super) fn further_files(path: &Path) -> Vec<PathBuf> {
     files
 }
 
-fn load(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, Failure> {
-    let parameters = Parameters::new(parameters)?;
+fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     let io = |error: std::io::Error| (String::new(), GltfProblem::from(error));
     if !std::fs::metadata(path).map_err(io)?.is_file() {
         return fail("", "not a regular file; name a .gltf or .glb file");
     }
-    let bytes = std::fs::read(path).map_err(io)?;
-    let parts = container::split(&bytes)?;
+    std::fs::read(path).map_err(io)
+}
+
+fn load(bytes: &[u8], path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, Failure> {
+    let parameters = Parameters::new(parameters)?;
+    let parts = container::split(bytes)?;
     let mut warnings = parts.warnings;
     let (document, json) = container::parse(parts.json, &mut warnings)?;
     nodes::check_trees(&document)?;
@@ -223,7 +235,7 @@ fn load(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription
 /// A scene without anything in it.
 fn blank(path: &Path) -> SceneDescription {
     let location = Location { file: Arc::new(PathBuf::from(path)), line: 0, column: 0 };
-    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO };
+    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0 };
     SceneDescription {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         media: vec![Named { name: "air".to_owned(), location: location.clone(), value: air }],

@@ -16,6 +16,12 @@ const IOR: Expected = Expected {
     holds: |x| (1.0..=100.0).contains(&x),
 };
 
+const PRIORITY: Expected = Expected {
+    what: "a whole number from -1000 to 1000",
+    example: "1",
+    holds: |x| x.fract() == 0.0 && x.abs() <= 1000.0,
+};
+
 /// Index of `air` in [`SceneDescription::media`].
 const AIR: usize = 0;
 
@@ -33,7 +39,7 @@ enum Kind {
 pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
     let mut names = Names::new("medium");
     names.add("air", 0..0);
-    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO };
+    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0 };
     let mut media =
         vec![Named { name: "air".to_string(), location: Location::default(), value: air.clone() }];
     for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
@@ -49,8 +55,9 @@ pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<Medi
         let medium = value.table(format!("[media.{name}]"), &example).and_then(|mut medium| {
             let ior = medium.required("ior", IOR.example, |value| value.number(&IOR));
             let absorption = read_absorption(&mut medium, unit);
+            let priority = medium.or("priority", 0, |value| Some(value.number(&PRIORITY)? as i32));
             medium.finish();
-            Some(MediumDescription { ior: ior?, absorption: absorption? })
+            Some(MediumDescription { ior: ior?, absorption: absorption?, priority: priority? })
         });
         // A medium with errors keeps its place, so that the numbers of the others stay right.
         let value = medium.unwrap_or(air.clone());
@@ -190,7 +197,7 @@ fn read_inside(table: &mut Table<'_>, media_names: &Names, unit: f64) -> Option<
         (None, Some(ior), _) => {
             let absorption = read_absorption(table, unit);
             let ior = ior.number(&IOR);
-            Some(Inside::Anonymous(MediumDescription { ior: ior?, absorption: absorption? }))
+            Some(Inside::Anonymous(MediumDescription { ior: ior?, absorption: absorption?, priority: 0 }))
         }
         (None, None, _) => table.refuse(
             format!("{} does not say what is inside", table.title()),

@@ -350,6 +350,7 @@ fn every_error_has_a_place_and_a_remedy() {
         (scene("[media.x]\nior = 0.9"), "2:7", &["from 1 to 100"]),
         (scene("[media.x]\nabsorption = 1"), "1:1", &["[media.x] has no `ior`"]),
         (scene("[media.x]\nior = 1\nabsorption = -1"), "3:14", &["at least 0"]),
+        (scene("[media.x]\nior = 1\npriority = 0.5"), "3:12", &["a whole number from -1000 to 1000"]),
         (material("type = \"miror\""), "2:8", &["did you mean `mirror`?"]),
         (material("reflectance = 1"), "1:1", &["[materials.m] has no `type`"]),
         (material("type = \"lambert\""), "1:1", &["has no `reflectance`"]),

@@ -1,0 +1,50 @@
+//! Media, and which of them fills a place where bodies overlap.
+
+use super::super::description::{MaterialDescription, MediumDescription, Named, SceneDescription};
+use crate::math::Bounds3;
+use crate::media::Medium;
+use crate::scene::RenderSpace;
+use std::cmp::Reverse;
+
+/// The media of a scene, whose shapes are `placed` there (by number, with their bounds).
+pub(super) fn media(
+    description: &SceneDescription,
+    space: &RenderSpace,
+    placed: &[(usize, Bounds3)],
+) -> Vec<Medium> {
+    let ranks = ranks(description, placed);
+    let medium = |(medium, rank): (&Named<MediumDescription>, u32)| Medium {
+        name: medium.name.clone(),
+        ior: medium.value.ior as f32,
+        absorption: (medium.value.absorption / space.scale).as_vec3(),
+        rank,
+    };
+    description.media.iter().zip(ranks).map(medium).collect()
+}
+
+/// The place of each medium in the order in which they displace each other: by the priority that the scene gives, then the
+/// smaller body in the larger one (ice in a drink, the drink in its glass), then by the order of the file.
+fn ranks(description: &SceneDescription, placed: &[(usize, Bounds3)]) -> Vec<u32> {
+    let media = &description.media;
+    let mut largest = vec![0.0f64; media.len()];
+    for (shape, bounds) in placed {
+        let inside = match description.materials[description.shapes[*shape].value.material].value {
+            MaterialDescription::Dielectric { inside, .. } => inside,
+            MaterialDescription::Layered { media: Some([inside, _]), .. } => inside,
+            _ => continue,
+        };
+        if !bounds.is_empty() {
+            largest[inside] = largest[inside].max(bounds.radius());
+        }
+    }
+    let mut order: Vec<usize> = (0..media.len()).collect();
+    order.sort_by(|&a, &b| {
+        let priority = |id: usize| Reverse(media[id].value.priority);
+        priority(a).cmp(&priority(b)).then(largest[a].total_cmp(&largest[b])).then(a.cmp(&b))
+    });
+    let mut ranks = vec![0; media.len()];
+    for (rank, id) in order.into_iter().enumerate() {
+        ranks[id] = rank as u32;
+    }
+    ranks
+}
