@@ -1,6 +1,7 @@
 #include "shim.h"
 
 #include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imagecache.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
@@ -16,6 +17,7 @@
 #include <unistd.h>
 
 // Not `using namespace OIIO`: it has names that collide with others.
+using OIIO::ImageCache;
 using OIIO::ImageInput;
 using OIIO::ImageOutput;
 using OIIO::ImageSpec;
@@ -32,7 +34,31 @@ struct OiioInput {
   std::string text;  // returned last
 };
 
+struct OiioTiles {
+  OIIO::ustring path;
+  ImageCache::ImageHandle* file;
+  std::vector<ImageSpec> levels;  // as the file has them, at least one
+};
+
 namespace {
+
+/// Texels along a side of the tiles that are written.
+constexpr int TILE = 64;
+
+/// The cache of all pictures that are read by tiles. It lives as long as the process.
+ImageCache& tile_cache()
+{
+  // A pointer, or from OpenImageIO 3.0 on a shared one.
+  static const auto cache = [] {
+    auto made = ImageCache::create(false);
+    // Values as they stand in the file, not multiplied by its alpha.
+    made->attribute("unassociatedalpha", 1);
+    // A file that cannot be read is told once, with all there is to tell.
+    made->attribute("failure_retries", 0);
+    return made;
+  }();
+  return *cache;
+}
 
 TypeDesc type_of(OiioFormat format)
 {
@@ -382,6 +408,156 @@ bool oiio_input_read(OiioInput* input, float* pixels, size_t length, OiioError* 
     const bool read = input->file->read_image(input->part, 0, 0, -1, TypeDesc::FLOAT, pixels) &&
                       reread_integers(input, pixels);
     if (!read) describe(error, 0, input->file->geterror());
+    return read;
+  });
+}
+
+bool oiio_tiles_write(const char* path, const OiioLevel* levels, int32_t count, OiioFormat memory, OiioError* error)
+{
+  return guard(false, error, [&] {
+    be_quiet();
+    const auto output = ImageOutput::create("tiff");
+    if (!output) {
+      describe(error, 0, OIIO::geterror());
+      return false;
+    }
+    for (int32_t i = 0; i < count; ++i) {
+      ImageSpec spec(levels[i].width, levels[i].height, 4, type_of(memory));
+      spec.tile_width = spec.tile_height = TILE;
+      spec.alpha_channel = -1;  // no channel means anything to the writer
+      spec.attribute("compression", "none");
+      spec.attribute("tiff:bigtiff", 1);
+      // By this, the reader takes the parts of the file for levels.
+      spec.attribute("textureformat", "Plain Texture");
+      errno = 0;
+      const auto mode = i == 0 ? ImageOutput::Create : ImageOutput::AppendSubimage;
+      if (!output->open(path, spec, mode) || !output->write_image(type_of(memory), levels[i].texels)) {
+        describe(error, errno, output->geterror());
+        return false;
+      }
+    }
+    if (!output->close()) {
+      describe(error, errno, output->geterror());
+      return false;
+    }
+    return true;
+  });
+}
+
+OiioTiles* oiio_tiles_open(const char* path, OiioError* error)
+{
+  return guard<OiioTiles*>(nullptr, error, [&]() -> OiioTiles* {
+    be_quiet();
+    ImageCache& cache = tile_cache();
+    auto tiles = std::make_unique<OiioTiles>();
+    tiles->path = OIIO::ustring(path);
+    // What an earlier file of this name left.
+    cache.invalidate(tiles->path);
+    tiles->file = cache.get_image_handle(tiles->path);
+    if (!tiles->file || !cache.good(tiles->file)) {
+      describe(error, 0, cache.geterror());
+      return nullptr;
+    }
+    for (int level = 0;; ++level) {
+      ImageSpec spec;
+#if OIIO_VERSION >= 30000
+      const bool found = cache.get_cache_dimensions(tiles->file, nullptr, spec, 0, level);
+#else
+      const bool found = cache.get_imagespec(tiles->file, nullptr, spec, 0, level, true);
+#endif
+      if (!found) break;
+      tiles->levels.push_back(spec);
+    }
+    const std::string last = cache.geterror();  // of the level that is not there, or of the first
+    if (tiles->levels.empty()) {
+      describe(error, 0, last);
+      return nullptr;
+    }
+    return tiles.release();
+  });
+}
+
+void oiio_tiles_free(OiioTiles* tiles)
+{
+  guard(false, nullptr, [&] {
+    tile_cache().invalidate(tiles->path);
+    delete tiles;
+    return true;
+  });
+}
+
+void oiio_tiles_limit(float megabytes)
+{
+  guard(false, nullptr, [&] { return tile_cache().attribute("max_memory_MB", megabytes); });
+}
+
+int32_t oiio_tiles_levels(const OiioTiles* tiles)
+{
+  return static_cast<int32_t>(tiles->levels.size());
+}
+
+int32_t oiio_tiles_width(const OiioTiles* tiles, int32_t level)
+{
+  return level >= 0 && level < oiio_tiles_levels(tiles) ? tiles->levels[level].width : 0;
+}
+
+int32_t oiio_tiles_height(const OiioTiles* tiles, int32_t level)
+{
+  return level >= 0 && level < oiio_tiles_levels(tiles) ? tiles->levels[level].height : 0;
+}
+
+bool oiio_tiles_is_tiled(const OiioTiles* tiles)
+{
+  // Larger ones are no tiles to read one at a time.
+  constexpr int LARGEST = 2048;
+  const ImageSpec& spec = tiles->levels[0];
+  return spec.tile_width > 0 && spec.tile_width <= LARGEST && spec.tile_height > 0 && spec.tile_height <= LARGEST;
+}
+
+int32_t oiio_tiles_channels(const OiioTiles* tiles)
+{
+  return tiles->levels[0].nchannels;
+}
+
+int32_t oiio_tiles_bits(const OiioTiles* tiles)
+{
+  return static_cast<int32_t>(8 * tiles->levels[0].format.basesize());
+}
+
+bool oiio_tiles_is_linear(const OiioTiles* tiles)
+{
+  return guard(false, nullptr, [&] {
+    const std::string space = tiles->levels[0].get_string_attribute("oiio:ColorSpace");
+    const auto is = [&](const char* name) { return OIIO::Strutil::iequals(space, name); };
+    return is("linear") || is("lin_srgb") || is("lin_rec709") || is("lin_rec709_scene") || is("scene_linear");
+  });
+}
+
+bool oiio_tiles_is_associated(const OiioTiles* tiles)
+{
+  return guard(false, nullptr, [&] {
+    const ImageSpec& spec = tiles->levels[0];
+    return spec.alpha_channel >= 0 && spec.get_int_attribute("oiio:UnassociatedAlpha", 0) == 0;
+  });
+}
+
+bool oiio_tiles_read(const OiioTiles* tiles, int32_t level, int32_t x, int32_t y, int32_t width, int32_t height, float* texels,
+                     size_t length, OiioError* error)
+{
+  return guard(false, error, [&] {
+    const bool is_within = x >= 0 && y >= 0 && width > 0 && height > 0 && x + width <= oiio_tiles_width(tiles, level) &&
+                           y + height <= oiio_tiles_height(tiles, level);
+    if (!is_within || length != 4 * static_cast<size_t>(width) * static_cast<size_t>(height)) {
+      describe(error, 0, "no such texels");
+      return false;
+    }
+    const ImageSpec& spec = tiles->levels[level];
+    const int left = spec.x + x, top = spec.y + y;
+    const OIIO::stride_t texel = 4 * sizeof(float);
+    ImageCache& cache = tile_cache();
+    const bool read = cache.get_pixels(tiles->file, nullptr, 0, level, left, left + width, top, top + height, spec.z, spec.z + 1, 0,
+                                       std::min(spec.nchannels, 4), TypeDesc::FLOAT, texels, texel, texel * width);
+    if (!read) describe(error, 0, cache.geterror());
     return read;
   });
 }

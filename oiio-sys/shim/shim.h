@@ -103,6 +103,49 @@ double oiio_input_attribute_double(const OiioInput* input, int32_t attribute);
 /// channels. On failure fills `error`, and the pixels may be partly written.
 bool oiio_input_read(OiioInput* input, float* pixels, size_t length, OiioError* error);
 
+/// Texels of one level of a picture: rows from the top, without padding, four channels each.
+typedef struct OiioLevel {
+  const void* texels;
+  int32_t width;
+  int32_t height;
+} OiioLevel;
+
+/// Writes a picture of tiles and levels, the finest first, each number as `memory` says, uncompressed, to a file of this path,
+/// which may exist. On failure the file holds rubbish and `error` says why.
+bool oiio_tiles_write(const char* path, const OiioLevel* levels, int32_t count, OiioFormat memory, OiioError* error);
+
+/// A picture whose tiles are read when they are looked at, and kept in a cache that all such pictures share. Everything but
+/// freeing it may be done by many threads at once.
+typedef struct OiioTiles OiioTiles;
+
+/// Opens a picture, and reads no more than its headers. On failure returns null and fills `error`. The file must stay as it is.
+OiioTiles* oiio_tiles_open(const char* path, OiioError* error);
+void oiio_tiles_free(OiioTiles* tiles);
+
+/// Memory that the cache may take, in units of 2^20 bytes. The tiles that each thread read last are kept in any case.
+void oiio_tiles_limit(float megabytes);
+
+/// Levels of a picture; 1 where its file has the finest alone.
+int32_t oiio_tiles_levels(const OiioTiles* tiles);
+/// Of a level; 0 where there is none of that number.
+int32_t oiio_tiles_width(const OiioTiles* tiles, int32_t level);
+int32_t oiio_tiles_height(const OiioTiles* tiles, int32_t level);
+/// Whether the file is stored in tiles.
+bool oiio_tiles_is_tiled(const OiioTiles* tiles);
+int32_t oiio_tiles_channels(const OiioTiles* tiles);
+/// Bits of a number in the file.
+int32_t oiio_tiles_bits(const OiioTiles* tiles);
+/// Whether the file says that its colours are linear.
+bool oiio_tiles_is_linear(const OiioTiles* tiles);
+/// Whether colours are multiplied by the alpha beside them.
+bool oiio_tiles_is_associated(const OiioTiles* tiles);
+
+/// Reads a window of a level, which must lie within it, as numbers of four channels for each texel, rows from the top. Integers
+/// are scaled to 0..1; channels that the file does not have are left as they were. `length` is that of `texels` and must be four
+/// times width times height. False where the file cannot be read; `error` then says why.
+bool oiio_tiles_read(const OiioTiles* tiles, int32_t level, int32_t x, int32_t y, int32_t width, int32_t height, float* texels,
+                     size_t length, OiioError* error);
+
 #ifdef __cplusplus
 }
 #endif

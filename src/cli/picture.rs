@@ -9,6 +9,7 @@ use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
     build_scene_watched, content_hash, gltf_scene, is_gltf_file, is_mesh_file, load_scene, mesh_scene,
 };
+use cardioid::textures::set_texture_memory;
 use clap::Args;
 use glam::Vec3;
 use std::path::PathBuf;
@@ -42,6 +43,11 @@ pub(crate) struct SceneArgs {
     /// Without it the limit is what the machine has free.
     #[arg(long, value_name = "BYTES", value_parser = super::settings::bytes)]
     pub(crate) memory_limit: Option<u64>,
+
+    /// Memory for the pictures of one mesh file: those that do not fit are kept in a temporary file and read by tiles where they
+    /// are looked at, of which a quarter of this is kept, at least 16MB. The picture does not depend on it.
+    #[arg(long, value_name = "BYTES", default_value = "1GB", value_parser = super::settings::bytes)]
+    pub(crate) texture_memory: u64,
 }
 
 fn name_and_value(text: &str) -> Result<(String, String), String> {
@@ -93,6 +99,7 @@ pub(crate) struct Loaded {
 /// Reads and builds; warnings go to standard error, after `when_built` was called. `observer` follows, and may stop it: the
 /// error then says nothing of interest.
 pub(crate) fn load(args: &SceneArgs, observer: &dyn Observer, when_built: &dyn Fn()) -> Result<Loaded> {
+    set_texture_memory(args.texture_memory);
     // The messages of scene files begin with the place, so nothing is put in front of them.
     let is_mesh = is_mesh_file(&args.scene);
     if is_mesh && !args.scene.exists() {

@@ -14,12 +14,14 @@ mod exr_header;
 mod image;
 mod oiio;
 mod read;
+mod tiled;
 mod write;
 
 pub use error::ImageError;
 pub use image::{Image, Layer, MetadataValue};
 pub use oiio::{library_failure, library_version, load_library};
 pub use read::{DEFAULT_LIMIT, read, read_bytes, read_with_limit};
+pub use tiled::{TiledImage, set_tile_memory, take_tile_failures};
 pub use write::{
     PngPixels, check_writable, is_same_file, write_bytes, write_exr, write_png, write_text, write_with,
 };

@@ -12,6 +12,10 @@ use oiio_sys as sys;
 
 use super::{ImageError, MetadataValue};
 
+mod tiles;
+
+pub(super) use tiles::{Headers, Level, Tiles, limit_tiles, write_tiles};
+
 /// Version of OpenImageIO: major, minor, patch. Loads the library where that was not done yet; `None` where it cannot be.
 #[must_use]
 pub fn library_version() -> Option<(i32, i32, i32)> {

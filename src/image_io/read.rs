@@ -94,7 +94,7 @@ const KINDS: [(&[u8], &CStr); 9] = [
 ];
 
 /// The kind of file, where it is one and does not claim more than it may.
-fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageError> {
+pub(super) fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageError> {
     let mut file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let mut start = Vec::new();
     // A folder can be opened, but not read.
@@ -164,7 +164,7 @@ fn unreadable(path: &Path, cause: io::Error) -> ImageError {
     ImageError::Read { path: path.to_owned(), cause }
 }
 
-fn damaged(path: &Path, failure: Failure) -> ImageError {
+pub(super) fn damaged(path: &Path, failure: Failure) -> ImageError {
     match failure {
         Failure::System(cause) => unreadable(path, cause),
         Failure::Library(reason) => ImageError::Damaged { path: path.to_owned(), reason },

@@ -11,6 +11,7 @@ use super::settings::{Settings, Show};
 use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Resident, Statistics, Times};
 use crate::camera::Camera;
 use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
+use crate::image_io::take_tile_failures;
 use crate::integrators::{
     CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps,
     Scratch, ShadowCounters, ShowClasses, ShowPhotons,
@@ -441,6 +442,7 @@ fn warn(statistics: &mut Statistics, scene: &Scene) {
     if panics > 0 {
         warnings.push(format!("a procedural object failed {panics} times; those rays missed it"));
     }
+    warnings.extend(take_tile_failures());
     statistics.warnings.extend(warnings);
 }
 

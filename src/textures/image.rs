@@ -1,13 +1,14 @@
 //! Textures from pictures: texels in levels, each half as large as the one before, filtered when looked up.
 
-use crate::image_io::{self, Image, ImageError};
+use super::tiles::TiledTexels;
+use crate::image_io::{self, Image, ImageError, TiledImage};
 use glam::{Vec2, Vec4};
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// Most values (width times height times channels) of a picture that is read as a texture: 2^28, four channels of
-/// 8192 x 8192 texels.
-pub const TEXTURE_LIMIT: u64 = 1 << 28;
+/// Most values (width times height times channels) of a picture that is read as a texture, unless its file has tiles and levels:
+/// 2^30, four channels of 16384 x 16384 texels.
+pub const TEXTURE_LIMIT: u64 = 1 << 30;
 
 /// How coordinates outside of `[0, 1]` are brought back, along one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,28 +57,47 @@ struct Level {
     texels: Texels,
 }
 
+/// Where the levels of a texture are.
+#[derive(Clone, Debug, PartialEq)]
+enum Source {
+    /// In memory, the finest first.
+    Memory(Vec<Level>),
+    /// In a file, of which a cache holds what was looked at last.
+    Tiles(TiledTexels),
+}
+
 /// A texture of four channels between 0 and 1. One channel in the file is grey, a second one alpha; alpha is 1 where there
 /// is none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageTexture {
-    levels: Vec<Level>,
+    source: Source,
     encoding: Encoding,
     least: Vec4,
     mean: Vec4,
 }
 
 /// Radiance of sRGB's numbers, by byte.
-fn srgb_table() -> &'static [f32; 256] {
+pub(super) fn srgb_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|byte| decode_srgb(byte as f32 / 255.0)))
 }
 
-fn decode_srgb(x: f32) -> f32 {
+pub(super) fn decode_srgb(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
 fn encode_srgb(x: f32) -> f32 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+impl Texels {
+    fn as_bytes(&self) -> Option<&[[u8; 4]]> {
+        if let Self::Bytes(texels) = self { Some(texels) } else { None }
+    }
+
+    fn as_words(&self) -> Option<&[[u16; 4]]> {
+        if let Self::Words(texels) = self { Some(texels) } else { None }
+    }
 }
 
 impl Level {
@@ -152,11 +172,17 @@ fn wrapped(i: i64, size: u32, wrap: Wrap) -> u32 {
 }
 
 impl ImageTexture {
-    /// Reads a picture file.
+    /// Reads a picture file. One that has tiles and levels (of `maketx`) stays where it is, and is read where it is looked at; its
+    /// encoding is what it says itself, where it does.
     ///
     /// # Errors
     /// As [`image_io::read_with_limit`].
     pub fn read(path: &Path, encoding: Encoding) -> Result<Self, ImageError> {
+        if let Some(image) = TiledImage::open(path)? {
+            let tiles = TiledTexels::new(image, encoding);
+            let (least, mean) = tiles.least_and_mean();
+            return Ok(Self { source: Source::Tiles(tiles), encoding, least, mean });
+        }
         Ok(Self::new(&image_io::read_with_limit(path, TEXTURE_LIMIT)?, encoding))
     }
 
@@ -214,17 +240,56 @@ impl ImageTexture {
             let next = last.halved(encoding);
             levels.push(next);
         }
-        Self { levels, encoding, least, mean }
+        Self { source: Source::Memory(levels), encoding, least, mean }
+    }
+
+    /// The same texture with its texels in a file that is gone with it, of which no more lies in memory than what was looked at
+    /// last. Every value stays as it is, to the bit. `name` is for messages.
+    ///
+    /// # Errors
+    /// As [`TiledImage::from_bytes`].
+    pub fn out_of_memory(self, name: &Path) -> Result<Self, ImageError> {
+        let Source::Memory(levels) = &self.source else { return Ok(self) };
+        let sizes = levels.iter().map(|level| [level.width, level.height]);
+        let bytes = || levels.iter().map_while(|level| level.texels.as_bytes());
+        let words = || levels.iter().map_while(|level| level.texels.as_words());
+        // Levels are all of one kind.
+        let (image, stored) = if bytes().count() == levels.len() {
+            (TiledImage::from_bytes(name, bytes().zip(sizes))?, self.encoding)
+        } else {
+            (TiledImage::from_words(name, words().zip(sizes))?, Encoding::Linear)
+        };
+        let tiles = TiledTexels::new(image, stored);
+        Ok(Self { source: Source::Tiles(tiles), ..self })
     }
 
     /// Width and height in texels.
     pub fn size(&self) -> [u32; 2] {
-        [self.levels[0].width, self.levels[0].height]
+        self.size_of(0)
     }
 
-    /// Memory that texels take.
+    #[inline]
+    fn size_of(&self, level: usize) -> [u32; 2] {
+        match &self.source {
+            Source::Memory(levels) => [levels[level].width, levels[level].height],
+            Source::Tiles(tiles) => tiles.levels()[level],
+        }
+    }
+
+    #[inline]
+    fn level_count(&self) -> usize {
+        match &self.source {
+            Source::Memory(levels) => levels.len(),
+            Source::Tiles(tiles) => tiles.levels().len(),
+        }
+    }
+
+    /// Memory that texels take, but for those in the cache of tiles.
     pub fn bytes(&self) -> usize {
-        self.levels.iter().map(Level::bytes).sum()
+        match &self.source {
+            Source::Memory(levels) => levels.iter().map(Level::bytes).sum(),
+            Source::Tiles(_) => 0,
+        }
     }
 
     /// Smallest value of each channel.
@@ -242,7 +307,7 @@ impl ImageTexture {
     #[inline]
     pub fn at(&self, uv: Vec2, width: f32, sampler: &Sampler) -> Vec4 {
         let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
-        let last = self.levels.len() - 1;
+        let last = self.level_count() - 1;
         if sampler.finest || !(width > 1.0) || last == 0 {
             return self.on_level(0, uv, sampler);
         }
@@ -254,8 +319,7 @@ impl ImageTexture {
 
     #[inline]
     fn on_level(&self, level: usize, uv: Vec2, sampler: &Sampler) -> Vec4 {
-        let level = &self.levels[level];
-        let size = [level.width, level.height];
+        let size = self.size_of(level);
         let place = |axis: usize| {
             let x = f64::from(uv[axis]);
             // Far out only the place within the picture counts; what is left of that is up to the file.
@@ -266,19 +330,28 @@ impl ImageTexture {
             };
             x * f64::from(size[axis])
         };
-        let at = |x: i64, y: i64| {
-            let (x, y) = (wrapped(x, size[0], sampler.wrap[0]), wrapped(y, size[1], sampler.wrap[1]));
-            level.texel(self.encoding, x, y)
-        };
+        let wrapped = |i: i64, axis: usize| wrapped(i, size[axis], sampler.wrap[axis]);
         let (x, y) = (place(0), place(1));
         if sampler.nearest {
-            return at(x.floor() as i64, y.floor() as i64);
+            let (x, y) = (wrapped(x.floor() as i64, 0), wrapped(y.floor() as i64, 1));
+            return match &self.source {
+                Source::Memory(levels) => levels[level].texel(self.encoding, x, y),
+                Source::Tiles(tiles) => tiles.texel(level, [x, y]),
+            };
         }
         let (x, y) = (x - 0.5, y - 0.5);
         let (x0, y0) = (x.floor(), y.floor());
         let (s, t) = ((x - x0) as f32, (y - y0) as f32);
-        let (x0, y0) = (x0 as i64, y0 as i64);
-        at(x0, y0).lerp(at(x0 + 1, y0), s).lerp(at(x0, y0 + 1).lerp(at(x0 + 1, y0 + 1), s), t)
+        let columns = [0, 1].map(|step| wrapped(x0 as i64 + step, 0));
+        let rows = [0, 1].map(|step| wrapped(y0 as i64 + step, 1));
+        let [a, b, c, d] = match &self.source {
+            Source::Memory(levels) => {
+                let at = |x: usize, y: usize| levels[level].texel(self.encoding, columns[x], rows[y]);
+                [at(0, 0), at(1, 0), at(0, 1), at(1, 1)]
+            }
+            Source::Tiles(tiles) => tiles.four(level, columns, rows),
+        };
+        a.lerp(b, s).lerp(c.lerp(d, s), t)
     }
 }
 
@@ -344,7 +417,7 @@ mod tests {
         let data: Vec<f32> =
             (0..64u32 * 64).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as f32 / 255.0).collect();
         let texture = ImageTexture::new(&image(64, 64, &["Y"], data), Encoding::Linear);
-        assert_eq!((texture.levels.len(), texture.size()), (7, [64, 64]));
+        assert_eq!((texture.level_count(), texture.size()), (7, [64, 64]));
         assert!(texture.bytes() < 64 * 64 * 4 * 4 / 3 + 16);
         let coarse = texture.at(Vec2::new(0.3, 0.7), 64.0, &Sampler::default()).x;
         assert!((coarse - texture.mean().x).abs() < 0.02, "{coarse} {}", texture.mean());
@@ -358,5 +431,65 @@ mod tests {
     fn sixteen_bits_stay() {
         let texture = ImageTexture::new(&image(1, 1, &["Y"], vec![0.123_45]), Encoding::Linear);
         assert!((texture.mean().x - 0.123_45).abs() < 1e-5);
+    }
+
+    #[test]
+    fn out_of_memory_nothing_changes() {
+        let noise = |seed: u32| move |i: u32| i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 8;
+        let bytes = |i: u32| (noise(1)(i) & 255) as f32 / 255.0;
+        let words = |i: u32| (noise(2)(i) & 65535) as f32 / 65535.0;
+        let kinds: [&dyn Fn(u32) -> f32; 2] = [&bytes, &words];
+        for (kind, (width, height)) in kinds.iter().zip([(301, 130), (64, 65)]) {
+            for (channels, encoding) in
+                [(&["R", "G", "B", "A"][..], Encoding::Srgb), (&["Y"], Encoding::Linear)]
+            {
+                let count = width * height * channels.len() as u32;
+                let data = (0..count).map(kind).collect();
+                let here = ImageTexture::new(&image(width, height, channels, data), encoding);
+                let there = here.clone().out_of_memory(Path::new("a")).unwrap();
+                assert_eq!((there.bytes(), there.size()), (0, here.size()));
+                assert_eq!((there.mean(), there.least()), (here.mean(), here.least()));
+                for i in 0..2000 {
+                    let [a, b, c] = [3, 4, 5].map(|seed| noise(seed)(i) as f32 / 16_777_216.0);
+                    let wrap = [Wrap::Repeat, Wrap::Mirror, Wrap::Clamp];
+                    let sampler = Sampler {
+                        wrap: [wrap[i as usize % 3], wrap[i as usize / 3 % 3]],
+                        nearest: i % 5 == 0,
+                        finest: i % 7 == 0,
+                    };
+                    let (uv, texels) = (Vec2::new(3.0 * a - 1.0, 3.0 * b - 1.0), 400.0 * c * c * c);
+                    assert_eq!(
+                        there.at(uv, texels, &sampler),
+                        here.at(uv, texels, &sampler),
+                        "{uv} {texels}"
+                    );
+                }
+            }
+        }
+        assert!(image_io::take_tile_failures().is_empty());
+    }
+
+    #[test]
+    fn files_of_tiles_and_levels_stay_where_they_are() {
+        let data: Vec<f32> = (0..256 * 128 * 3).map(|i| (i % 256) as f32 / 255.0).collect();
+        let here = ImageTexture::new(&image(256, 128, &RGB, data), Encoding::Srgb);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tx");
+        let Source::Memory(levels) = &here.source else { panic!("not in memory") };
+        let sizes = levels.iter().map(|level| [level.width, level.height]);
+        let texels = levels.iter().map_while(|level| level.texels.as_bytes());
+        TiledImage::write(&path, texels.zip(sizes)).unwrap();
+        let there = ImageTexture::read(&path, Encoding::Srgb).unwrap();
+        assert!(matches!(there.source, Source::Tiles(_)));
+        for i in 0..100 {
+            let (uv, texels) = (Vec2::new(0.017 * i as f32, 0.031 * i as f32), 0.1 * i as f32);
+            let sampler = Sampler::default();
+            let (a, b) = (there.at(uv, texels, &sampler), here.at(uv, texels, &sampler));
+            assert_eq!(a, b, "{uv} {texels}");
+        }
+        assert!((there.mean() - here.mean()).abs().max_element() < 0.01, "{} {}", there.mean(), here.mean());
+        // What goes away while it is looked at is told.
+        std::fs::write(&path, b"II*\0").unwrap();
+        assert!(ImageTexture::read(&path, Encoding::Srgb).is_err());
     }
 }
