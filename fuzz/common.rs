@@ -3,16 +3,19 @@
 
 use cardioid::math::Rgb;
 use cardioid::photons::{Photon, PhotonClass, PhotonMap, read_photon_maps, write_photon_file};
-use cardioid::render::MapKind;
+use cardioid::render::{MapKind, blank_checkpoint_bytes, parse_checkpoint_bytes};
 use cardioid::scene_file::mesh::{MeshReport, TriangleMesh};
 use cardioid::scene_file::obj::{ObjFile, parse_mtl_bytes, parse_obj_bytes};
 use cardioid::scene_file::ply::{MEMORY_FACTOR, parse_ply};
-use cardioid::scene_file::{parse_scene, parse_stl_bytes};
+use cardioid::scene_file::{parse_gltf_bytes, parse_ies_bytes, parse_scene, parse_stl_bytes};
 use glam::Vec3;
 use std::path::Path;
 
 /// Names of the targets.
-pub(crate) const TARGETS: [&str; 5] = ["ply", "obj", "stl", "scene", "photons"];
+pub(crate) const TARGETS: [&str; 8] = ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds"];
+
+/// Pixels of the render in rounds.
+const ROUNDS_SIZE: (u32, u32) = (3, 2);
 
 /// One execution: true where the bytes were read, false where they were refused.
 ///
@@ -52,6 +55,40 @@ pub(crate) fn execute(target: &str, bytes: &[u8]) -> bool {
                     true
                 }
                 Err(_) => first,
+            }
+        }
+        "gltf" => match parse_gltf_bytes(bytes, Path::new("a.gltf")) {
+            Ok(scene) => {
+                assert!(scene.shapes.len() + scene.groups.len() <= bytes.len());
+                true
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("a.gltf"), "{error}");
+                false
+            }
+        },
+        "ies" => match parse_ies_bytes(bytes, Path::new("a.ies")) {
+            Ok(_) => true,
+            Err(error) => {
+                assert!(error.to_string().contains("a.ies"), "{error}");
+                false
+            }
+        },
+        "rounds" => {
+            // As it is, and with a checksum that fits.
+            let read = |bytes: &[u8]| parse_checkpoint_bytes(bytes, Path::new("a.rounds"), ROUNDS_SIZE);
+            let first = read(bytes).is_ok();
+            let mut sealed = bytes.to_vec();
+            if let Some(end) = bytes.len().checked_sub(32) {
+                let sum = blake3::hash(&bytes[..end]);
+                sealed[end..].copy_from_slice(sum.as_bytes());
+            }
+            match read(&sealed) {
+                Ok(_) => true,
+                Err(error) => {
+                    assert!(error.to_string().contains("a.rounds"), "{error}");
+                    first
+                }
             }
         }
         other => panic!("no target `{other}`"),
@@ -173,6 +210,35 @@ material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = 30, axis = 
             let _ = write_photon_file(&mut bytes, "{}", &maps, None);
             vec![bytes]
         }
+        "gltf" => {
+            // A triangle: three corners of twelve bytes, and their indices as bytes; as text, and in a container.
+            let mut binary: Vec<u8> = [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+            binary.extend([0u8, 1, 2, 0]);
+            let json = |uri: &str| {
+                format!(
+                    r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"children":[1],"scale":[1,2,1]}},{{"camera":0,"translation":[0,0,5]}}],"cameras":[{{"type":"perspective","perspective":{{"yfov":0.7,"znear":0.1}}}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1,"material":0}}]}}],"materials":[{{"pbrMetallicRoughness":{{"baseColorFactor":[1,0.5,0,1],"roughnessFactor":0.5}},"extensions":{{"KHR_materials_ior":{{"ior":1.4}}}}}}],"extensionsUsed":["KHR_materials_ior"],"accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}},{{"bufferView":1,"componentType":5121,"count":3,"type":"SCALAR"}}],"bufferViews":[{{"buffer":0,"byteLength":36}},{{"buffer":0,"byteOffset":36,"byteLength":3}}],"buffers":[{{"byteLength":40{uri}}}]}}"#
+                )
+            };
+            // The same forty bytes in base 64.
+            let data = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAECAA==";
+            let text = json(&format!(r#","uri":"data:application/octet-stream;base64,{data}""#));
+            let mut inner = json("").into_bytes();
+            inner.resize(inner.len().next_multiple_of(4), b' ');
+            let mut container = b"glTF".to_vec();
+            container.extend(2u32.to_le_bytes());
+            container.extend((12 + 8 + inner.len() as u32 + 8 + binary.len() as u32).to_le_bytes());
+            for (kind, chunk) in [(b"JSON", &inner), (b"BIN\0", &binary)] {
+                container.extend((chunk.len() as u32).to_le_bytes());
+                container.extend(kind);
+                container.extend(chunk);
+            }
+            vec![text.into_bytes(), container]
+        }
+        "ies" => vec![
+            b"IESNA:LM-63-2002\n[TEST] a\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1.0 1.0 10\n0 45 90\n0\n100 50 0\n".to_vec(),
+            b"IESNA91\nTILT=INCLUDE\n1\n2\n0 90\n1 1\n1 -1 0.5 2 2 1 1 0.1 0.1 0\n1 1 10\n0 180\n0 90\n1 2\n3 4\n".to_vec(),
+        ],
+        "rounds" => blank_checkpoint_bytes(ROUNDS_SIZE).into_iter().collect(),
         other => panic!("no target `{other}`"),
     }
 }

@@ -23,7 +23,8 @@ pub use observer::{Observer, Silent};
 pub use pretrace::finest_distances;
 pub use probe::{ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe};
 pub use progressive::{
-    Checkpoint, CheckpointError, ErrorEstimate, RoundStatistics, Rounds, error_of_halves, render_in_rounds,
+    Checkpoint, CheckpointError, ErrorEstimate, RoundStatistics, Rounds, blank_checkpoint_bytes,
+    error_of_halves, parse_checkpoint_bytes, render_in_rounds,
 };
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};
 pub use settings::*;

@@ -12,7 +12,7 @@
 //! with numbers little-endian.
 
 use super::RoundStatistics;
-use crate::film::Film;
+use crate::film::{Film, FilmError, LayerSet};
 use crate::image_io::{self, ImageError};
 use crate::integrators::Counters;
 use serde::{Deserialize, Serialize};
@@ -25,7 +25,7 @@ use std::path::{Path, PathBuf};
 const MAGIC: [u8; 16] = *b"cardioid rounds\n";
 
 /// Of the layout above, and of what rounds compute: raised where either changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// A longer header is not one.
 const LONGEST_HEADER: u32 = 1 << 20;
@@ -87,28 +87,42 @@ pub enum CheckpointError {
 impl Checkpoint {
     /// Writes it; the file changes only when all of it is on the disk.
     pub(super) fn write(&self, path: &Path) -> Result<(), CheckpointError> {
-        Ok(image_io::write_with(path, |file| {
-            let mut to = Hashing::new(BufWriter::new(file));
-            let header = serde_json::to_vec(&self.header)?;
-            to.write_all(&MAGIC)?;
-            to.write_all(&VERSION.to_le_bytes())?;
-            to.write_all(&(header.len() as u32).to_le_bytes())?;
-            to.write_all(&header)?;
-            self.halves.iter().try_for_each(|half| half.save(&mut to))?;
-            let checksum = to.hasher.finalize();
-            to.inner.write_all(checksum.as_bytes())?;
-            to.inner.flush()
-        })?)
+        Ok(image_io::write_with(path, |file| self.write_to(BufWriter::new(file)))?)
+    }
+
+    fn write_to(&self, to: impl Write) -> io::Result<()> {
+        let mut to = Hashing::new(to);
+        let header = serde_json::to_vec(&self.header)?;
+        to.write_all(&MAGIC)?;
+        to.write_all(&VERSION.to_le_bytes())?;
+        to.write_all(&(header.len() as u32).to_le_bytes())?;
+        to.write_all(&header)?;
+        self.halves.iter().try_for_each(|half| half.save(&mut to))?;
+        let checksum = to.hasher.finalize();
+        to.inner.write_all(checksum.as_bytes())?;
+        to.inner.flush()
     }
 
     /// Reads what a render of this identity left, whose films are like `empty`.
     pub(super) fn read(path: &Path, identity: &Identity, empty: [Film; 2]) -> Result<Self, CheckpointError> {
+        let file =
+            File::open(path).map_err(|error| CheckpointError::Read { path: path.to_owned(), error })?;
+        Self::parse(BufReader::new(file), path, Some(identity), empty)
+    }
+
+    /// The same of anything that can be read. Whatever is rendered there will do where there is no `identity`.
+    fn parse(
+        from: impl Read,
+        path: &Path,
+        identity: Option<&Identity>,
+        empty: [Film; 2],
+    ) -> Result<Self, CheckpointError> {
         let failed = |error: io::Error| match error.kind() {
             ErrorKind::UnexpectedEof => damaged(path, "ends too early; it is damaged"),
             ErrorKind::InvalidData => damaged(path, "is damaged"),
             _ => CheckpointError::Read { path: path.to_owned(), error },
         };
-        let mut from = Hashing::new(BufReader::new(File::open(path).map_err(failed)?));
+        let mut from = Hashing::new(from);
         let mut magic = [0; MAGIC.len()];
         match from.read_exact(&mut magic) {
             Err(error) if error.kind() != ErrorKind::UnexpectedEof => return Err(failed(error)),
@@ -134,7 +148,7 @@ impl Checkpoint {
         let mut header = vec![0; length as usize];
         from.read_exact(&mut header).map_err(failed)?;
         let header: Header = serde_json::from_slice(&header).map_err(|_| damaged(path, "is damaged"))?;
-        let differences = differences(&header.identity, identity);
+        let differences = identity.map_or_else(Vec::new, |identity| differences(&header.identity, identity));
         if !differences.is_empty() {
             return Err(CheckpointError::Different { path: path.to_owned(), differences });
         }
@@ -148,6 +162,34 @@ impl Checkpoint {
         }
         Ok(Self { header, halves })
     }
+}
+
+/// Reads a file of `--checkpoint` of a picture of this size, whatever it is of, and returns the rounds it holds. For those who
+/// test readers; `path` is for messages.
+///
+/// # Errors
+/// Where it is damaged, or of another size.
+pub fn parse_checkpoint_bytes(bytes: &[u8], path: &Path, size: (u32, u32)) -> Result<u64, CheckpointError> {
+    let empty = blank(size).map_err(|error| damaged(path, format!("cannot be tested: {error}")))?;
+    Checkpoint::parse(bytes, path, None, empty).map(|checkpoint| checkpoint.header.statistics.done)
+}
+
+/// A sound file of no rounds at this size, for tests of readers.
+///
+/// # Errors
+/// Where no film has this size.
+pub fn blank_checkpoint_bytes(size: (u32, u32)) -> Result<Vec<u8>, FilmError> {
+    let identity = [("spp".to_owned(), Value::from(4)), ("scene".to_owned(), Value::from("a"))].into();
+    let header = Header { identity, statistics: RoundStatistics::default(), counters: Counters::default() };
+    let mut bytes = Vec::new();
+    // A vector takes whatever is written.
+    let _ = Checkpoint { header, halves: blank(size)? }.write_to(&mut bytes);
+    Ok(bytes)
+}
+
+fn blank((width, height): (u32, u32)) -> Result<[Film; 2], FilmError> {
+    let film = || Film::new(width, height, None, LayerSet { bias: true, ..LayerSet::default() });
+    Ok([film()?, film()?])
 }
 
 fn damaged(path: &Path, what: impl Into<String>) -> CheckpointError {

@@ -8,7 +8,7 @@ mod checkpoint;
 mod error;
 mod law;
 
-pub use checkpoint::{Checkpoint, CheckpointError};
+pub use checkpoint::{Checkpoint, CheckpointError, blank_checkpoint_bytes, parse_checkpoint_bytes};
 pub use error::{ErrorEstimate, error_of_halves};
 
 use super::job::{PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, statistics};
