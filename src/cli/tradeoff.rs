@@ -8,8 +8,8 @@ use anyhow::{Context, Result, bail};
 use cardioid::image_io;
 use cardioid::measure::Picture;
 use cardioid::measure::tradeoff::{
-    Base, Cell, KNOBS, Outcome, Shown, Sweep, csv, figures, front_table, html, knob_table, points_table, svg,
-    sweep,
+    Base, Cell, KNOBS, Outcome, Shown, Sweep, crossing_table, csv, figures, front_table, html, knob_table,
+    points_table, svg, sweep,
 };
 use cardioid::render::{Observer, Quality, Settings};
 use clap::{Args, ValueEnum};
@@ -196,9 +196,11 @@ fn bases(around: &[Around]) -> Vec<Base> {
 }
 
 fn markdown(sweep: &Sweep) -> String {
+    let crossings = crossing_table(sweep)
+        .map_or_else(String::new, |table| format!("Where rounds overtake presets:\n\n{table}\n"));
     format!(
         "### {}\n\n{} x {} pixels. Reference: {}.\n\nPresets and rounds; last column: the error over that of the front at the same \
-         processor time.\n\n{}\nWhat nothing beats:\n\n{}\nThe price of each knob, as factors:\n\n{}",
+         processor time.\n\n{}\n{crossings}What nothing beats:\n\n{}\nThe price of each knob, as factors:\n\n{}",
         sweep.scene,
         sweep.size.0,
         sweep.size.1,

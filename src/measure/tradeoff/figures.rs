@@ -102,6 +102,54 @@ pub fn distance_to_front(points: &[(f64, f64)], front: &[usize], point: (f64, f6
     (point.1.ln() - best).exp()
 }
 
+/// Where rounds come down to an error.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Rounds; between those that were rendered, by a power law from one to the next.
+    pub rounds: f64,
+    /// Their seconds of the processor.
+    pub cpu: f64,
+    /// How it is known.
+    pub known: CrossingKnown,
+}
+
+/// How a [`Crossing`] is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CrossingKnown {
+    /// The fewest rounds that were rendered are better already.
+    AtMost,
+    /// Fewer rounds are worse and more are better.
+    Between,
+    /// The most rounds that were rendered are worse still; they go on with the slope of the last two (log error over log rounds).
+    Beyond(f64),
+}
+
+/// Flatter than this, the error of rounds says nothing of where it goes: its noise is as large.
+const LEAST_SLOPE: f64 = -0.1;
+
+/// Where rounds, given as (rounds, processor seconds, error) by their count, come down to `error`. `None` where nothing tells: no
+/// rounds, or one count alone that is worse, or an error that does not fall.
+pub fn crossing(rounds: &[(f64, f64, f64)], error: f64) -> Option<Crossing> {
+    let first = rounds.first()?;
+    if first.2 <= error {
+        return Some(Crossing { rounds: first.0, cpu: first.1, known: CrossingKnown::AtMost });
+    }
+    let pair = rounds.windows(2).find(|pair| pair[1].2 <= error);
+    let (from, to) = match (pair, rounds) {
+        (Some(pair), _) => (pair[0], pair[1]),
+        (None, [.., from, to]) => (*from, *to),
+        _ => return None,
+    };
+    let slope = (to.2 / from.2).ln() / (to.0 / from.0).ln();
+    if !(slope < LEAST_SLOPE && error > 0.0) {
+        return None;
+    }
+    let along = (error / from.2).ln() / slope / (to.0 / from.0).ln();
+    let power = |from: f64, to: f64| from * (to / from).powf(along);
+    let known = if pair.is_some() { CrossingKnown::Between } else { CrossingKnown::Beyond(slope) };
+    Some(Crossing { rounds: power(from.0, to.0), cpu: power(from.1, to.1), known })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,5 +188,23 @@ mod tests {
         assert!((distance((4.0, 0.2f64.sqrt() * 0.1f64.sqrt())) - 1.0).abs() < 1e-12);
         assert!((distance((100.0, 0.3)) - 3.0).abs() < 1e-12 && (distance((0.5, 0.5)) - 1.0).abs() < 1e-12);
         assert_eq!(distance_to_front(&points, &[], (1.0, 1.0)), 1.0);
+    }
+
+    #[test]
+    fn rounds_cross_what_they_come_down_to() {
+        // Error like the root of the time, and a time in proportion to rounds.
+        let rounds = [4.0, 16.0, 64.0].map(|n: f64| (n, 2.0 * n, 0.2 / n.sqrt()));
+        let found = crossing(&rounds, 0.2 / 6.0).unwrap();
+        assert!((found.rounds - 36.0).abs() < 1e-9 && (found.cpu - 72.0).abs() < 1e-9, "{found:?}");
+        assert_eq!(found.known, CrossingKnown::Between);
+        let found = crossing(&rounds, 0.02).unwrap();
+        assert!((found.rounds - 100.0).abs() < 1e-9 && (found.cpu - 200.0).abs() < 1e-9, "{found:?}");
+        assert!(matches!(found.known, CrossingKnown::Beyond(slope) if (slope + 0.5).abs() < 1e-9));
+        let found = crossing(&rounds, 0.5).unwrap();
+        assert_eq!((found.rounds, found.cpu, found.known), (4.0, 8.0, CrossingKnown::AtMost));
+        assert_eq!(crossing(&rounds[..1], 0.01), None);
+        assert_eq!(crossing(&[], 0.01), None);
+        assert_eq!(crossing(&[(4.0, 8.0, 0.1), (16.0, 32.0, 0.1)], 0.05), None);
+        assert_eq!(crossing(&[(4.0, 8.0, 0.1), (16.0, 32.0, f64::NAN)], 0.05), None);
     }
 }

@@ -1,7 +1,7 @@
 //! A sweep as one file for a browser, which loads nothing else.
 
 use super::plot::escaped;
-use super::{Sweep, front_table, knob_table, points_table, svg};
+use super::{Sweep, crossing_table, front_table, knob_table, points_table, svg};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
@@ -44,6 +44,14 @@ pub fn html(sweep: &Sweep, pictures: &[Shown]) -> String {
         "<h2>Presets and rounds</h2>\n<p>The last column is the error over that of the front at the same processor time.</p>\n{}",
         table(&points_table(sweep))
     );
+    if let Some(crossings) = crossing_table(sweep) {
+        let _ = write!(
+            page,
+            "<h2>Where rounds overtake presets</h2>\n<p>Rounds of progressive rendering go on getting better. From these on, they \
+             are better than the preset.</p>\n{}",
+            table(&crossings)
+        );
+    }
     let _ = write!(
         page,
         "<h2>The price of each knob</h2>\n<p>Factors of the point where the step starts. Last column: the work for the same error \

@@ -7,11 +7,13 @@ mod plot;
 mod sweep;
 mod tables;
 
-pub use figures::{SeedFigures, distance_to_front, figures, front, reference_noise};
+pub use figures::{
+    Crossing, CrossingKnown, SeedFigures, crossing, distance_to_front, figures, front, reference_noise,
+};
 pub use html::{Shown, html};
 pub use plot::svg;
 pub use sweep::{Base, Cell, KNOBS, Step, sweep};
-pub use tables::{csv, front_table, knob_table, points_table};
+pub use tables::{crossing_table, csv, front_table, knob_table, points_table};
 
 /// What one cell of a sweep came to.
 #[derive(Clone, Debug, PartialEq)]

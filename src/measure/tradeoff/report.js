@@ -56,7 +56,7 @@ function difference(left, right, canvas) {
 function load() {
   element("left").src = pictures[element("a").value].data;
   element("right").src = pictures[element("b").value].data;
-  Promise.all([element("left").decode(), element("right").decode()]).then(show, show);
+  Promise.allSettled([element("left").decode(), element("right").decode()]).then(show);
 }
 
 for (const id of ["a", "b"]) element(id).addEventListener("change", load);

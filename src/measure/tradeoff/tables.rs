@@ -1,6 +1,7 @@
 //! Sweeps as CSV and as tables of Markdown.
 
-use super::{Outcome, Sweep, digits, distance_to_front, percent};
+use super::figures::{CrossingKnown, crossing};
+use super::{Base, Outcome, Sweep, digits, distance_to_front, percent};
 use std::fmt::Write as _;
 
 /// All outcomes, one a line.
@@ -104,4 +105,45 @@ pub fn knob_table(sweep: &Sweep) -> String {
         );
     }
     text
+}
+
+/// Where rounds of progressive rendering come down to the error of each preset, and what that takes; `None` where there are no
+/// rounds or no presets to compare.
+pub fn crossing_table(sweep: &Sweep) -> Option<String> {
+    let points = || sweep.outcomes.iter().filter(|outcome| outcome.cell.step.is_none());
+    let mut rounds: Vec<(f64, f64, f64)> = points()
+        .filter_map(|outcome| match outcome.cell.base {
+            Base::Rounds(n) => Some((n as f64, outcome.cpu, outcome.figures.error)),
+            Base::Preset(_) => None,
+        })
+        .collect();
+    rounds.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut lines = String::new();
+    for preset in points().filter(|outcome| matches!(outcome.cell.base, Base::Preset(_))) {
+        let name = preset.cell.name();
+        let error = percent(preset.figures.error);
+        let Some(found) = crossing(&rounds, preset.figures.error) else {
+            let _ = writeln!(lines, "| {name} | {error} | - | - | - | not known |");
+            continue;
+        };
+        let (about, how) = match found.known {
+            CrossingKnown::AtMost => ("at most ", "fewer rounds were not rendered".to_owned()),
+            CrossingKnown::Between => ("", "between rounds that were rendered".to_owned()),
+            CrossingKnown::Beyond(slope) => {
+                ("about ", format!("beyond them, by the slope of the last two ({slope:.2})"))
+            }
+        };
+        let _ = writeln!(
+            lines,
+            "| {name} | {error} | {about}{:.0} | {about}{} | {about}{} | {how} |",
+            found.rounds,
+            digits(found.cpu),
+            digits(found.cpu / preset.cpu)
+        );
+    }
+    (!rounds.is_empty() && !lines.is_empty()).then(|| {
+        format!(
+            "| preset | its error | rounds to there | processor s | over the preset's | how that is known |\n|---|---|---|---|---|---|\n{lines}"
+        )
+    })
 }
