@@ -169,7 +169,9 @@ impl TrianglePoint {
         if !(u >= edge && v >= edge && 1.0 - u - v >= edge) {
             return self;
         }
-        let position = ray.origin.as_dvec3() + direction * t;
+        // Not by the way along the ray, whose roundoff is off the plane: one through the origin would have no error of its own to
+        // move the next ray's start by, and be met again.
+        let position = corner + e1 * u + e2 * v;
         Self { position: position.as_vec3().into(), ..self }
     }
 

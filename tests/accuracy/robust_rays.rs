@@ -232,6 +232,44 @@ fn a_thin_gap_is_not_skipped() {
     }
 }
 
+/// Large walls in the planes of the axes through the origin, where a coordinate is zero and so is its roundoff; met by rays that come
+/// a way that is short against the walls.
+#[test]
+fn walls_through_the_origin_are_met_once() {
+    let mut shapes = String::new();
+    for (u, v) in [(0, 1), (1, 2), (2, 0)] {
+        let side = |axis: usize| DVec3::AXES[axis] * 2.0;
+        let corner = -(side(u) + side(v)) / 2.0;
+        write!(
+            shapes,
+            "[[shapes]]\ntype = \"quad\"\ncorner = {:?}\nedge-u = {:?}\nedge-v = {:?}\nmaterial = \"clay\"\n",
+            corner.to_array(),
+            side(u).to_array(),
+            side(v).to_array()
+        )
+        .unwrap();
+    }
+    let stage = Stage::new(&format!("{HEADER}{shapes}"), (1, 1));
+    let scene = stage.scene();
+    assert_eq!(scene.space().position(DVec3::ZERO), DVec3::ZERO);
+    let mut rng = random(6);
+    let mut left = 0;
+    for i in 0..20_000 {
+        let on_wall = point(&mut rng) * (DVec3::ONE - DVec3::AXES[i % 3]);
+        let target = scene.space().position(on_wall).as_vec3();
+        let back = direction(&mut rng);
+        let start = target + back * magnitude(&mut rng, -6.0, -1.5) as f32;
+        let Some(hit) = scene.intersect(&Ray::new(start, -back)) else { continue };
+        for _ in 0..4 {
+            left += 1;
+            let next = scene.intersect(&hit.spawn(direction(&mut rng)));
+            assert!(next.is_none_or(|next| next.surface != hit.surface), "{hit:?} is hit again: {next:?}");
+        }
+    }
+    println!("{left} rays left walls");
+    assert!(left > 50_000, "only {left} rays");
+}
+
 /// A jewel of 1 mm on a plane of 1 km: its shadow touches it, and the plane has no shadow of its own.
 #[test]
 fn a_jewel_on_a_wide_plane() {
