@@ -753,7 +753,7 @@ fn a_small_sweep_and_the_same_again() {
     assert_eq!(csv.lines().count(), 1 + 6, "{csv}");
     for line in csv.lines().skip(1) {
         let cells: Vec<&str> = line.split(',').collect();
-        assert_eq!(cells.len(), 15, "{line}");
+        assert_eq!(cells.len(), 16, "{line}");
         // Seconds and errors.
         for cell in &cells[5..7] {
             assert!(cell.parse::<f64>().unwrap() > 0.0, "{line}");

@@ -198,8 +198,12 @@ fn bases(around: &[Around]) -> Vec<Base> {
 fn markdown(sweep: &Sweep) -> String {
     let crossings = crossing_table(sweep)
         .map_or_else(String::new, |table| format!("Where rounds overtake presets:\n\n{table}\n"));
+    let note = match sweep.note() {
+        note if note.is_empty() => note,
+        note => format!("{note}\n\n"),
+    };
     format!(
-        "### {}\n\n{} x {} pixels. Reference: {}.\n\nPresets and rounds; last column: the error over that of the front at the same \
+        "### {}\n\n{} x {} pixels. Reference: {}.\n\n{note}Presets and rounds; last column: the error over that of the front at the same \
          processor time.\n\n{}\n{crossings}What nothing beats:\n\n{}\nThe price of each knob, as factors:\n\n{}",
         sweep.scene,
         sweep.size.0,
@@ -479,6 +483,6 @@ fn outcome(cell: &Cell, runs: &[(Run, Files)], halves: &Halves) -> Result<Outcom
         cpu: median(|run| run.cpu),
         memory: runs.iter().filter_map(|(run, _)| run.memory).max(),
         photons: runs.iter().map(|(run, _)| run.photons).max().unwrap_or(0),
-        figures: figures(&views, halves.views()?)?,
+        compared: figures(&views, halves.views()?)?,
     })
 }

@@ -17,11 +17,25 @@ pub struct SeedFigures {
     pub bias: f64,
 }
 
+/// Share of the pixels that [`Compared::but_worst`] leaves out.
+pub const WORST_SHARE: f64 = 0.003;
+
+/// What the pictures of one cell say together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Compared {
+    /// Of all pixels.
+    pub all: SeedFigures,
+    /// Of all but [`WORST_SHARE`] of them, those that are farthest off in any of the pictures. Where something small and bright
+    /// is met by chance, a lamp as glass shows it, few pixels make up nearly all of the error, and neither these pictures nor
+    /// the reference know what they should be.
+    pub but_worst: SeedFigures,
+}
+
 /// Compares pictures of one size that differ in their seeds with the two halves of a reference.
 ///
 /// # Errors
 /// Where sizes differ, or a half is not finite.
-pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<SeedFigures, MeasureError> {
+pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<Compared, MeasureError> {
     let size = halves[0].size();
     for picture in seeds.iter().chain(&halves[1..]) {
         if picture.size() != size {
@@ -33,14 +47,47 @@ pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<SeedFi
         let pixel = at as u32 / 3;
         return Err(MeasureError::Reference { x: pixel % size.0, y: pixel / size.0 });
     }
-    let values = a.len() as f64;
+    let pixels: Vec<usize> = (0..a.len() / 3).collect();
+    let all = of_pixels(seeds, [a, b], &pixels);
+    let floor = floor_of([a, b]);
+    let off = |&pixel: &usize| (worst(seeds, [a, b], floor, pixel), pixel);
+    let mut by_error: Vec<(f64, usize)> = pixels.iter().map(off).collect();
+    by_error.sort_by(|x, y| x.0.total_cmp(&y.0).then(x.1.cmp(&y.1)));
+    by_error.truncate(((1.0 - WORST_SHARE) * pixels.len() as f64).floor().max(1.0) as usize);
+    let mut kept: Vec<usize> = by_error.into_iter().map(|(_, pixel)| pixel).collect();
+    kept.sort_unstable();
+    Ok(Compared { all, but_worst: of_pixels(seeds, [a, b], &kept) })
+}
+
+/// Addend that keeps relative errors finite in the dark.
+fn floor_of([a, b]: [&[f32]; 2]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(&a, &b)| 0.5 * (f64::from(a) + f64::from(b)).abs()).sum();
+    let mean = sum / a.len() as f64;
+    (0.01 * mean * mean).max(f64::MIN_POSITIVE)
+}
+
+/// How far a pixel is off where it is most, relative to the square of what it should be.
+fn worst(seeds: &[Picture<'_>], [a, b]: [&[f32]; 2], floor: f64, pixel: usize) -> f64 {
+    let mut worst = 0.0f64;
+    for i in 3 * pixel..3 * pixel + 3 {
+        let whole = 0.5 * (f64::from(a[i]) + f64::from(b[i]));
+        for seed in seeds {
+            let square = (f64::from(seed.values()[i]) - whole).powi(2) / (whole * whole + floor);
+            // What is not a number is the worst of all.
+            worst = if square.is_nan() { f64::INFINITY } else { worst.max(square) };
+        }
+    }
+    worst
+}
+
+fn of_pixels(seeds: &[Picture<'_>], [a, b]: [&[f32]; 2], pixels: &[usize]) -> SeedFigures {
+    let values = 3.0 * pixels.len() as f64;
     let whole = |i: usize| 0.5 * (f64::from(a[i]) + f64::from(b[i]));
-    let mean = (0..a.len()).map(|i| whole(i).abs()).sum::<f64>() / values;
-    let floor = (0.01 * mean * mean).max(f64::MIN_POSITIVE);
+    let floor = floor_of([a, b]);
     let count = seeds.len() as f64;
     let mut squares = vec![0.0; seeds.len()];
     let mut variance = 0.0;
-    for i in 0..a.len() {
+    for i in pixels.iter().flat_map(|&pixel| 3 * pixel..3 * pixel + 3) {
         let weight = (whole(i).powi(2) + floor).recip();
         let of_seeds = || seeds.iter().map(|seed| f64::from(seed.values()[i]));
         let centre = of_seeds().sum::<f64>() / count;
@@ -52,13 +99,13 @@ pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<SeedFi
     let square = squares.iter().sum::<f64>() / count;
     let spread = squares.iter().map(|s| (s - square).powi(2)).sum::<f64>() / (count - 1.0) / count;
     let error = square.max(0.0).sqrt();
-    Ok(SeedFigures {
+    SeedFigures {
         error,
         // Of a root: half of the relative one of the square.
         uncertainty: 0.5 * spread.sqrt() / error.max(f64::MIN_POSITIVE),
         noise: variance.sqrt(),
         bias: if variance.is_nan() { f64::NAN } else { (square - variance).max(0.0).sqrt() },
-    })
+    }
 }
 
 /// Noise that is left in the mean of two halves of a reference, relative as in [`SeedFigures`].
@@ -167,14 +214,33 @@ mod tests {
         let pictures: Vec<_> = (0..4).map(|_| noisy(2.2, 0.4)).collect();
         let view = |values| Picture::new(64, 64, values).unwrap();
         let seeds: Vec<_> = pictures.iter().map(|p| view(p)).collect();
-        let found = figures(&seeds, [view(&halves[0]), view(&halves[1])]).unwrap();
+        let found = figures(&seeds, [view(&halves[0]), view(&halves[1])]).unwrap().all;
         let unit = 4.04f64.sqrt();
         assert!((found.bias * unit - 0.2).abs() < 0.02, "{found:?}");
         assert!((found.noise * unit - 0.4).abs() < 0.02, "{found:?}");
         assert!((found.error.powi(2) - found.noise.powi(2) - found.bias.powi(2)).abs() < 1e-9);
         assert!(found.uncertainty > 0.0 && found.uncertainty < 0.01, "{found:?}");
-        let one = figures(&seeds[..1], [view(&halves[0]), view(&halves[1])]).unwrap();
+        let one = figures(&seeds[..1], [view(&halves[0]), view(&halves[1])]).unwrap().all;
         assert!(one.noise.is_nan() && one.bias.is_nan() && one.error > 0.0);
+    }
+
+    #[test]
+    fn glints_are_left_out_of_one_of_the_two() {
+        let flat = vec![1.0f32; 3 * 64 * 64];
+        let with = |places: &[usize]| {
+            let mut values = vec![1.1f32; 3 * 64 * 64];
+            places.iter().for_each(|&at| values[at] = 1000.0);
+            values
+        };
+        let pictures = [with(&[5, 6, 700]), with(&[9000]), with(&[])];
+        let view = |values| Picture::new(64, 64, values).unwrap();
+        let seeds: Vec<_> = pictures.iter().map(|p| view(p)).collect();
+        let Compared { all, but_worst } = figures(&seeds, [view(&flat), view(&flat)]).unwrap();
+        assert!(
+            all.error > 5.0 && (but_worst.error * 1.01f64.sqrt() - 0.1).abs() < 1e-6,
+            "{all:?} {but_worst:?}"
+        );
+        assert!(but_worst.noise < 1e-9);
     }
 
     #[test]

@@ -35,6 +35,9 @@ pub fn html(sweep: &Sweep, pictures: &[Shown]) -> String {
         env!("CARGO_PKG_VERSION"),
         escaped(&sweep.reference)
     );
+    if sweep.has_glints() {
+        let _ = writeln!(page, "<p>{}</p>", escaped(&sweep.note()));
+    }
     page.push_str("<h2>All renders</h2>\n<p>Blue: the points that knobs are turned around. Red: what nothing beats. Click on one to see it.</p>\n");
     page.push_str(&svg(sweep));
     page.push_str(VIEWER);

@@ -8,7 +8,8 @@ mod sweep;
 mod tables;
 
 pub use figures::{
-    Crossing, CrossingKnown, SeedFigures, crossing, distance_to_front, figures, front, reference_noise,
+    Compared, Crossing, CrossingKnown, SeedFigures, WORST_SHARE, crossing, distance_to_front, figures, front,
+    reference_noise,
 };
 pub use html::{Shown, html};
 pub use plot::svg;
@@ -31,7 +32,7 @@ pub struct Outcome {
     /// Photons in all maps of a picture.
     pub photons: u64,
     /// How far from the reference.
-    pub figures: SeedFigures,
+    pub compared: Compared,
 }
 
 /// A sweep of a scene.
@@ -52,9 +53,38 @@ pub struct Sweep {
 }
 
 impl Sweep {
+    /// Whether a few pixels make up most of the error in most renders, so that figures are those of all others.
+    pub fn has_glints(&self) -> bool {
+        /// Error of the others over that of all, below which it is so.
+        const REST: f64 = 0.5;
+        let is_glinting = |outcome: &&Outcome| {
+            let Compared { all, but_worst } = outcome.compared;
+            but_worst.error < REST * all.error
+        };
+        2 * self.outcomes.iter().filter(is_glinting).count() > self.outcomes.len()
+    }
+
+    /// The figures of an outcome that count.
+    pub fn figures(&self, outcome: &Outcome) -> SeedFigures {
+        if self.has_glints() { outcome.compared.but_worst } else { outcome.compared.all }
+    }
+
+    /// What must be said of the figures; empty where all pixels count.
+    pub fn note(&self) -> String {
+        if !self.has_glints() {
+            return String::new();
+        }
+        format!(
+            "Something small and bright is met by chance here, a lamp as glass or polished metal shows it: a few pixels make up most of the \
+             error, and neither the renders nor the reference know what they should be. So all figures leave out {} % of the pixels, \
+             those that are farthest off in any of a cell's pictures; tradeoff.csv has the error of all pixels as well.",
+            100.0 * WORST_SHARE
+        )
+    }
+
     /// (Processor seconds, error) of each outcome.
     pub fn points(&self) -> Vec<(f64, f64)> {
-        self.outcomes.iter().map(|outcome| (outcome.cpu, outcome.figures.error)).collect()
+        self.outcomes.iter().map(|outcome| (outcome.cpu, self.figures(outcome).error)).collect()
     }
 
     /// Numbers of the outcomes that no other beats in processor time and error both, by time.

@@ -53,7 +53,7 @@ pub fn svg(sweep: &Sweep) -> String {
     let (x0, x1) = (left, SIZE.0 - right);
     let (y0, y1) = (SIZE.1 - bottom, top);
     let x = Axis::of(sweep.outcomes.iter().map(|o| o.cpu), x0, x1);
-    let y = Axis::of(sweep.outcomes.iter().map(|o| o.figures.error), y0, y1);
+    let y = Axis::of(sweep.outcomes.iter().map(|o| sweep.figures(o).error), y0, y1);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" width=\"{0}\" height=\"{1}\" font-family=\"sans-serif\" \
          font-size=\"11\">\n<rect width=\"{0}\" height=\"{1}\" fill=\"white\"/>\n",
@@ -93,7 +93,7 @@ pub fn svg(sweep: &Sweep) -> String {
         sweep.size.1
     );
     let front = sweep.front();
-    let place = |i: usize| (x.at(sweep.outcomes[i].cpu), y.at(sweep.outcomes[i].figures.error));
+    let place = |i: usize| (x.at(sweep.outcomes[i].cpu), y.at(sweep.figures(&sweep.outcomes[i]).error));
     let line: Vec<String> = front.iter().map(|&i| place(i)).map(|(x, y)| format!("{x:.1},{y:.1}")).collect();
     let _ = writeln!(
         svg,
@@ -101,7 +101,7 @@ pub fn svg(sweep: &Sweep) -> String {
         line.join(" ")
     );
     for (i, outcome) in sweep.outcomes.iter().enumerate() {
-        let (at, figures) = (place(i), &outcome.figures);
+        let (at, figures) = (place(i), sweep.figures(outcome));
         if !(figures.error > 0.0 && outcome.cpu > 0.0) {
             continue;
         }

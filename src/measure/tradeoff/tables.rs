@@ -7,10 +7,11 @@ use std::fmt::Write as _;
 /// All outcomes, one a line.
 pub fn csv(sweep: &Sweep) -> String {
     let front = sweep.front();
-    let mut text = "point,knob,from,to,seeds,wall_s,cpu_s,memory_bytes,photons,error,error_se,noise,bias,on_front,options\n"
+    let mut text = "point,knob,from,to,seeds,wall_s,cpu_s,memory_bytes,photons,error,error_se,noise,bias,on_front,options,error_of_all\n"
         .to_owned();
     for (i, outcome) in sweep.outcomes.iter().enumerate() {
-        let Outcome { cell, seeds, wall, cpu, memory, photons, figures } = outcome;
+        let Outcome { cell, seeds, wall, cpu, memory, photons, compared } = outcome;
+        let figures = sweep.figures(outcome);
         let (knob, from, to) = match &cell.step {
             Some(step) => (step.knob, &*step.from, &*step.to),
             None => ("", "", ""),
@@ -19,14 +20,15 @@ pub fn csv(sweep: &Sweep) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{},{knob},{from},{to},{seeds},{wall:.3},{cpu:.3},{memory},{photons},{:.6},{:.6},{:.6},{:.6},{},{}",
+            "{},{knob},{from},{to},{seeds},{wall:.3},{cpu:.3},{memory},{photons},{:.6},{:.6},{:.6},{:.6},{},{},{:.6}",
             cell.base.name(),
             figures.error,
             figures.uncertainty,
             figures.noise,
             figures.bias,
             u8::from(front.contains(&i)),
-            cell.options.join(" ")
+            cell.options.join(" "),
+            compared.all.error
         );
     }
     text
@@ -35,26 +37,29 @@ pub fn csv(sweep: &Sweep) -> String {
 /// What nothing beats, by time.
 pub fn front_table(sweep: &Sweep) -> String {
     let rows = sweep.front().into_iter().map(|i| &sweep.outcomes[i]);
-    outcomes_table(rows, |_| None)
+    outcomes_table(sweep, rows, |_| None)
 }
 
 /// The points around which knobs were turned, and how far from the front they are: the error over that of the front at the same
 /// processor time.
 pub fn points_table(sweep: &Sweep) -> String {
     let (points, front) = (sweep.points(), sweep.front());
-    let distance =
-        |outcome: &Outcome| Some(distance_to_front(&points, &front, (outcome.cpu, outcome.figures.error)));
-    outcomes_table(sweep.outcomes.iter().filter(|outcome| outcome.cell.step.is_none()), distance)
+    let distance = |outcome: &Outcome| {
+        Some(distance_to_front(&points, &front, (outcome.cpu, sweep.figures(outcome).error)))
+    };
+    outcomes_table(sweep, sweep.outcomes.iter().filter(|outcome| outcome.cell.step.is_none()), distance)
 }
 
 fn outcomes_table<'a>(
+    sweep: &Sweep,
     rows: impl Iterator<Item = &'a Outcome>,
     distance: impl Fn(&Outcome) -> Option<f64>,
 ) -> String {
     let mut lines = Vec::new();
     let mut has_distance = false;
     for outcome in rows {
-        let Outcome { cell, wall, cpu, memory, figures, .. } = outcome;
+        let Outcome { cell, wall, cpu, memory, .. } = outcome;
+        let figures = sweep.figures(outcome);
         let mut line = format!(
             "| {} | {} | {} | {} | {} +- {} | {} | {} |",
             cell.name(),
@@ -86,7 +91,7 @@ pub fn knob_table(sweep: &Sweep) -> String {
         .to_owned();
     for outcome in &sweep.outcomes {
         let (Some(step), Some(base)) = (&outcome.cell.step, sweep.base_of(outcome)) else { continue };
-        let factor = |get: fn(&Outcome) -> f64| {
+        let factor = |get: &dyn Fn(&Outcome) -> f64| {
             let factor = get(outcome) / get(base);
             if factor.is_finite() { format!("x {factor:.2}") } else { "-".to_owned() }
         };
@@ -97,11 +102,11 @@ pub fn knob_table(sweep: &Sweep) -> String {
             step.knob,
             step.from,
             step.to,
-            factor(|o| o.cpu),
-            factor(|o| o.figures.error),
-            factor(|o| o.figures.noise),
-            factor(|o| o.figures.bias),
-            factor(|o| o.figures.error.powi(2) * o.cpu),
+            factor(&|o| o.cpu),
+            factor(&|o| sweep.figures(o).error),
+            factor(&|o| sweep.figures(o).noise),
+            factor(&|o| sweep.figures(o).bias),
+            factor(&|o| sweep.figures(o).error.powi(2) * o.cpu),
         );
     }
     text
@@ -113,7 +118,7 @@ pub fn crossing_table(sweep: &Sweep) -> Option<String> {
     let points = || sweep.outcomes.iter().filter(|outcome| outcome.cell.step.is_none());
     let mut rounds: Vec<(f64, f64, f64)> = points()
         .filter_map(|outcome| match outcome.cell.base {
-            Base::Rounds(n) => Some((n as f64, outcome.cpu, outcome.figures.error)),
+            Base::Rounds(n) => Some((n as f64, outcome.cpu, sweep.figures(outcome).error)),
             Base::Preset(_) => None,
         })
         .collect();
@@ -121,8 +126,9 @@ pub fn crossing_table(sweep: &Sweep) -> Option<String> {
     let mut lines = String::new();
     for preset in points().filter(|outcome| matches!(outcome.cell.base, Base::Preset(_))) {
         let name = preset.cell.name();
-        let error = percent(preset.figures.error);
-        let Some(found) = crossing(&rounds, preset.figures.error) else {
+        let reached = sweep.figures(preset).error;
+        let error = percent(reached);
+        let Some(found) = crossing(&rounds, reached) else {
             let _ = writeln!(lines, "| {name} | {error} | - | - | - | not known |");
             continue;
         };
