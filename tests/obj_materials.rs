@@ -34,6 +34,10 @@ radiance = 1.0
 
 /// Renders the model in `folder`, and yields the picture and what was said.
 fn render(folder: &Path, obj: &str, mtl: &str) -> (Image, String) {
+    render_with(folder, obj, mtl, &[])
+}
+
+fn render_with(folder: &Path, obj: &str, mtl: &str, options: &[&str]) -> (Image, String) {
     fs::write(folder.join("scene.toml"), SCENE).unwrap();
     fs::write(folder.join("model.obj"), obj).unwrap();
     fs::write(folder.join("model.mtl"), mtl).unwrap();
@@ -41,6 +45,7 @@ fn render(folder: &Path, obj: &str, mtl: &str) -> (Image, String) {
         .current_dir(folder)
         .stdin(Stdio::null())
         .args(["render", "scene.toml", "--quality", "draft", "--global-photons", "1000", "-o", "a.exr"])
+        .args(options)
         .output()
         .unwrap();
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -97,6 +102,23 @@ fn pictures_lie_as_they_were_meant_to() {
     let (image, told) = render(folder, obj, &mtl("", ""));
     assert!(near(corners(&image), [white; 4]), "{:?}", corners(&image));
     assert!(told.contains("picture of `painted` is not used") && told.contains("four fields.png"), "{told}");
+}
+
+#[test]
+fn pictures_beyond_the_memory_for_them_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let texels: Vec<u8> =
+        (0..300 * 200 * 3u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
+    write_png(folder.join("noise.png"), 300, 200, PngPixels::Rgb8(&texels)).unwrap();
+    let obj = "mtllib model.mtl\nv -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 3 0\nvt 3 2\nvt 0 2\n\
+        usemtl painted\nf 1/1 2/2 3/3 4/4\n";
+    let mtl = "newmtl painted\nKd 0.5 0.5 0.5\nmap_Kd noise.png\n";
+    let (whole, _) = render(folder, obj, mtl);
+    let (tiled, told) = render_with(folder, obj, mtl, &["--texture-memory", "1kB"]);
+    assert_eq!(told.matches("warning").count(), 0, "{told}");
+    let beauty = |image: &Image| image.layer("").unwrap().data.clone();
+    assert_eq!(beauty(&whole), beauty(&tiled));
 }
 
 #[test]

@@ -366,7 +366,7 @@ impl Sweeper<'_> {
         if interrupted().is_some() {
             return Ok(None);
         }
-        let SceneArgs { scene, set, up, threads, .. } = &self.args.scene;
+        let SceneArgs { scene, set, up, threads, memory_limit, texture_memory, .. } = &self.args.scene;
         let (width, height) = self.loaded.size;
         let mut command = Command::new(&self.program);
         command.arg("render").arg(scene).args(options);
@@ -377,6 +377,11 @@ impl Sweeper<'_> {
             command.args(["--up", up]);
         }
         command.args(["--resolution", &format!("{width}x{height}"), "--threads", &threads.to_string()]);
+        // The picture depends on neither.
+        command.args(["--texture-memory", &format!("{texture_memory}B")]);
+        if let Some(limit) = memory_limit {
+            command.args(["--memory-limit", &format!("{limit}B")]);
+        }
         command.args(["--seed", &seed.to_string(), "--beauty-only", "--quiet"]);
         command.arg("--output").arg(&files.exr).arg("--stats").arg(&files.stats);
         let log = files.stats.with_extension("log");
