@@ -7,8 +7,8 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 /// Most values (width times height times channels) of a picture that is read as a texture, unless its file has tiles and levels:
-/// 2^30, four channels of 16384 x 16384 texels.
-pub const TEXTURE_LIMIT: u64 = 1 << 30;
+/// 2^28, four channels of 8192 x 8192 texels. Decoding takes eight bytes for each.
+pub const TEXTURE_LIMIT: u64 = 1 << 28;
 
 /// How coordinates outside of `[0, 1]` are brought back, along one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -439,7 +439,8 @@ mod tests {
         let bytes = |i: u32| (noise(1)(i) & 255) as f32 / 255.0;
         let words = |i: u32| (noise(2)(i) & 65535) as f32 / 65535.0;
         let kinds: [&dyn Fn(u32) -> f32; 2] = [&bytes, &words];
-        for (kind, (width, height)) in kinds.iter().zip([(301, 130), (64, 65)]) {
+        let sizes = [(301, 130), (64, 65), (1, 1), (1, 300), (7, 1), (2, 2)];
+        for (kind, (width, height)) in kinds.iter().cycle().zip(sizes) {
             for (channels, encoding) in
                 [(&["R", "G", "B", "A"][..], Encoding::Srgb), (&["Y"], Encoding::Linear)]
             {
