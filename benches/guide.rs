@@ -9,7 +9,7 @@
 
 use cardioid::embree::Device;
 use cardioid::film::{AOVS, Aov};
-use cardioid::integrators::{Integrator, PathTracer, PhotonMapIntegrator, Scratch};
+use cardioid::integrators::{EyeRay, Integrator, PathTracer, PhotonMapIntegrator, Scratch};
 use cardioid::photons::DirectionGuide;
 use cardioid::render::{GuideKind, IntegratorKind, Quality, Settings, Silent, build_maps};
 use cardioid::sampling::SampleStream;
@@ -51,7 +51,7 @@ fn measure(built: &BuiltScene, integrator: &dyn Integrator, spp: u32) -> ([f64; 
             for index in 0..spp {
                 let mut samples = SampleStream::new(1000 + run, u64::from(pixel), index);
                 let at = (Vec2::new(x, y) + samples.next_2d()) / SIDE as f32;
-                let sample = integrator.li(built.camera.ray(at), &mut samples, &mut scratch);
+                let sample = integrator.li(&EyeRay::alone(built.camera.ray(at)), &mut samples, &mut scratch);
                 values[0] += AOVS.iter().map(|&aov| sample.radiance[aov as usize].as_dvec3()).sum::<DVec3>();
                 values[1] += sample.radiance[Aov::Indirect as usize].as_dvec3();
             }

@@ -87,9 +87,70 @@ impl Camera {
         self.forward + self.right * x + self.up * y
     }
 
+    /// The position on the picture that shows a unit `direction` of the pinhole, as [`Self::ray`]; `None` where it leads backwards.
+    pub fn position_of(&self, direction: Vec3) -> Option<Vec2> {
+        let direction = direction.as_dvec3();
+        let along = direction.dot(self.forward);
+        if !(along > 0.0) {
+            return None;
+        }
+        let across = |half: DVec3| (direction.dot(half) / (along * half.length_squared())) as f32;
+        let at = Vec2::new(across(self.right), -across(self.up));
+        Some(at * 0.5 + Vec2::splat(0.5))
+    }
+
+    /// Heights of the picture by which its most distant point moves, at most, where a `direction` in view turns by an angle of this
+    /// tangent: a bound on the longest axis of the image of a narrow cone over that tangent.
+    pub fn stretch(&self, direction: Vec3) -> f32 {
+        let cosine = direction.as_dvec3().dot(self.forward).max(1e-3);
+        // A cone of up to 17 degrees reaches beyond its middle, where the picture is stretched more.
+        (0.5 / self.up.length() * 1.5 / (cosine * cosine)) as f32
+    }
+
     /// Position of the eye.
     pub fn eye(&self) -> Vec3 {
         self.eye
+    }
+}
+
+/// A camera sample: its ray, and those beside it.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraRay<'a> {
+    /// Of unit direction.
+    pub ray: Ray,
+    camera: &'a Camera,
+    place: FilmPlace,
+    /// In [0, 1)^2, as [`Camera::ray_through`] takes it.
+    lens: Vec2,
+}
+
+/// A place in a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct FilmPlace {
+    /// Pixels of the picture.
+    pub size: Vec2,
+    /// Centre of the pixel, in pixels.
+    pub center: Vec2,
+    /// From there, pixels to the right and down.
+    pub offset: Vec2,
+}
+
+impl<'a> CameraRay<'a> {
+    /// The ray of `camera` through a place of the picture and the point `lens` of the lens, as [`Camera::ray_through`].
+    pub fn new(camera: &'a Camera, place: FilmPlace, lens: Vec2) -> Self {
+        let position = (place.center + place.offset) / place.size;
+        Self { ray: camera.ray_through(position, lens), camera, place, lens }
+    }
+
+    /// Where in its pixel it is.
+    pub fn place(&self) -> &FilmPlace {
+        &self.place
+    }
+
+    /// The ray so many `pixels` to the right and down, through the same point of the lens.
+    pub fn beside(&self, pixels: Vec2) -> Ray {
+        let position = (self.place.center + self.place.offset + pixels) / self.place.size;
+        self.camera.ray_through(position, self.lens)
     }
 }
 

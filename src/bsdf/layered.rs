@@ -636,6 +636,11 @@ impl Layered {
         if others > 0.0 { mirrored / (mirrored + others) } else { 1.0 }
     }
 
+    /// Whether [`Self::sample_delta`] mirrors in one way only.
+    pub(super) fn has_one_mirror(&self, wo: Vec3) -> bool {
+        self.deltas(wo, TransportMode::Flux).coat == Rgb::ZERO
+    }
+
     fn sample_delta(&self, wo: Vec3, u_lobe: f32, mode: TransportMode) -> Option<BsdfSample> {
         let by_flux = self.deltas(wo, TransportMode::Flux);
         let values = self.deltas(wo, mode);

@@ -397,6 +397,14 @@ impl Bsdf {
         }
     }
 
+    /// Whether the specular lobe reflects into one direction at most: not where a layer above has a normal of its own.
+    pub fn has_one_mirror(&self, wo: Vec3) -> bool {
+        match self {
+            Self::Layered(layers) => layers.has_one_mirror(wo),
+            _ => true,
+        }
+    }
+
     /// Reflected plus transmitted flux over incident flux, per channel, on the side that scatters, for the albedo
     /// layer: the sum of [`Self::lobe_albedo`].
     #[inline]

@@ -164,6 +164,11 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "SHARE", value_parser = share)]
     approximate_weight: Option<f32>,
 
+    /// Whether lamps in glass and mirrors are looked for before the picture is rendered: where they are smaller than a pixel,
+    /// samples meet them by chance alone otherwise, as white dots. The mean is the same.
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
+    glints: Option<bool>,
+
     /// Rounds of `--integrator progressive`; samples and photons are those of each round. As many as there is time for
     /// where only --time-limit or --target-error is given.
     #[arg(long, value_name = "N", value_parser = rounds)]
@@ -346,6 +351,7 @@ impl SettingsArgs {
             cache_samples: self.cache_samples,
             accurate_distance: self.accurate_distance,
             approximate_weight: self.approximate_weight,
+            glints: self.glints,
             rounds: self.rounds,
             target_error: self.target_error,
         }

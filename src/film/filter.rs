@@ -143,6 +143,20 @@ impl FilterSampler {
         }
     }
 
+    /// Density with which [`Self::sample`] draws an offset, per square pixel, and the weight of what it draws there. Their product
+    /// is the filter, of integral one.
+    pub fn density(&self, offset: Vec2) -> (f32, f32) {
+        let r = self.radius;
+        let axis = |x: f32| match &self.warp {
+            _ if !(x.abs() < r) => (0.0, 1.0),
+            Warp::Box => (0.5 / r, 1.0),
+            Warp::Tent => ((1.0 - x.abs() / r) / r, 1.0),
+            Warp::Table(table) => table.density(x),
+        };
+        let ((x, weight_x), (y, weight_y)) = (axis(offset.x), axis(offset.y));
+        (x * y, weight_x * weight_y)
+    }
+
     /// Half width of the support, pixels.
     pub fn radius(&self) -> f32 {
         self.radius
@@ -201,14 +215,25 @@ impl Table {
         }
     }
 
+    /// Density and weight of an offset within the radius.
+    fn density(&self, x: f32) -> (f32, f32) {
+        let cell = (((x / self.radius + 1.0) * 0.5 * CELLS as f32) as usize).min(CELLS - 1);
+        let share = self.cumulative[cell + 1] - self.cumulative[cell];
+        (share * CELLS as f32 / (2.0 * self.radius), self.weight(cell))
+    }
+
+    fn weight(&self, cell: usize) -> f32 {
+        let positive = (self.positive.0..self.positive.1).contains(&cell);
+        if positive { self.magnitude } else { -self.magnitude }
+    }
+
     /// Offset and weight for `u` in `[0, 1)`.
     fn sample(&self, u: f32) -> (f32, f32) {
         let cell = self.cumulative.partition_point(|&c| c <= u).clamp(1, CELLS) - 1;
         let (low, high) = (self.cumulative[cell], self.cumulative[cell + 1]);
         let within = if high > low { ((u - low) / (high - low)).min(1.0) } else { 0.5 };
         let x = self.radius * (2.0 * (cell as f32 + within) / CELLS as f32 - 1.0);
-        let positive = (self.positive.0..self.positive.1).contains(&cell);
-        (x, if positive { self.magnitude } else { -self.magnitude })
+        (x, self.weight(cell))
     }
 }
 
@@ -303,6 +328,33 @@ mod tests {
                 let sigma = (squares[cell] / f64::from(n)).sqrt();
                 assert!((seen[cell] - want).abs() < 5.0 * sigma + 3e-5, "{filter:?} cell {cell}");
             }
+        }
+    }
+
+    #[test]
+    fn densities_are_those_of_the_samples() {
+        for filter in ALL {
+            let sampler = filter.sampler().unwrap();
+            let r = sampler.radius();
+            let n = 700u32;
+            let at = |i: u32| r * ((2 * i + 1) as f32 / n as f32 - 1.0);
+            let area = f64::from(2.0 * r / n as f32).powi(2);
+            let (mut density, mut value, mut left) = (0.0, 0.0, 0.0);
+            for (i, j) in (0..n * n).map(|k| (k % n, k / n)) {
+                let (pdf, weight) = sampler.density(Vec2::new(at(i), at(j)));
+                density += f64::from(pdf) * area;
+                value += f64::from(pdf * weight) * area;
+                left += if at(i) < -0.3 * r { f64::from(pdf) * area } else { 0.0 };
+            }
+            let drawn = (0..n).filter(|&k| {
+                let u = Vec2::new((k as f32 + 0.5) / n as f32, 0.3);
+                sampler.sample(u).offset.x < -0.3 * r
+            });
+            let drawn = drawn.count() as f64 / f64::from(n);
+            println!("{filter:?}: {density} {value}, {left} {drawn}");
+            assert!((density - 1.0).abs() < 1e-3 && (value - 1.0).abs() < 1e-3);
+            assert!((left - drawn).abs() < 3e-3);
+            assert_eq!(sampler.density(Vec2::new(1.01 * r, 0.0)).0, 0.0);
         }
     }
 

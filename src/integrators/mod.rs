@@ -5,6 +5,7 @@
 
 mod direct;
 mod directions;
+mod glints;
 mod light_importance;
 mod path;
 mod photon_map;
@@ -13,6 +14,7 @@ mod specular;
 
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
 pub use directions::Directions;
+pub use glints::{FARTHEST_GLINT, Glint, GlintMap, GlintView, Hunter, PixelGlints};
 pub use light_importance::{SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{
@@ -22,17 +24,48 @@ pub use photon_map::{
 pub use receiver::{Irradiance, Receiver};
 
 use crate::film::PixelSample;
+use crate::lights::LightId;
 use crate::math::{Ray, Rgb};
 use crate::photons::Scratch as PhotonScratch;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
+use std::cell::Cell;
 use std::ops::AddAssign;
+
+/// A camera sample that an integrator follows.
+#[derive(Clone, Copy, Debug)]
+pub struct EyeRay<'a> {
+    /// Its ray.
+    pub ray: Ray,
+    /// How lamps behind chains of specular surfaces count; `None` for as they are met.
+    pub glints: Option<GlintView<'a>>,
+}
+
+impl EyeRay<'_> {
+    /// A ray that finds all light itself.
+    pub fn alone(ray: Ray) -> Self {
+        Self { ray, glints: None }
+    }
+
+    /// What light of a lamp counts for that the ray meets behind a chain.
+    /// Counts in `rare` where that is less as it is rare.
+    fn lamp_weight(&self, chain: &glints::Chain, lamp: LightId, rare: &Cell<u64>) -> f32 {
+        match &self.glints {
+            Some(glints) if !chain.is_empty() => {
+                let (weight, is_rare) = glints.weight(chain, lamp);
+                rare.set(rare.get() + u64::from(is_rare));
+                weight
+            }
+            _ => 1.0,
+        }
+    }
+}
 
 /// Computes the radiance of camera rays. Shared by all threads; what a thread needs for itself is in [`Scratch`].
 pub trait Integrator: Sync {
-    /// Radiance along `ray`, which starts in the scene's camera medium, in W/(m^2 sr) times the power factor of
-    /// render space, split into its parts.
-    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample;
+    /// Radiance along a ray that starts in the scene's camera medium, in W/(m^2 sr) times the power factor of render space,
+    /// split into its parts.
+    fn li(&self, ray: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample;
 }
 
 /// Per-thread memory, reused from sample to sample so that no ray allocates.
@@ -92,6 +125,8 @@ pub struct Counters {
     pub feelers: u64,
     /// Paths cut at the depth limit.
     pub truncated: u64,
+    /// Lamps met in glass or mirrors where samples are too few to show how bright they are there, and dimmed.
+    pub rare_glints: u64,
     /// Interfaces met.
     pub interfaces: u64,
     /// Interfaces met in another medium than they state.
@@ -142,6 +177,7 @@ impl AddAssign for Counters {
         self.differential_stops += other.differential_stops;
         self.feelers += other.feelers;
         self.truncated += other.truncated;
+        self.rare_glints += other.rare_glints;
         self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
         self.depth_sum += other.depth_sum;

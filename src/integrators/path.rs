@@ -3,17 +3,19 @@
 //! (Jensen 1995), which changes noise and nothing else.
 
 use super::direct::{DirectLighting, Drawn, receiver};
+use super::glints::Chain;
 use super::specular::chain_roulette;
-use super::{Directions, Integrator, Irradiance, Receiver, Scratch, describe_first_hit};
+use super::{Directions, EyeRay, Integrator, Irradiance, Receiver, Scratch, describe_first_hit};
 use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
-use crate::lights::Light;
+use crate::lights::{Light, LightId};
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
 use glam::Vec3;
+use std::cell::Cell;
 
 /// Surfaces after which roulette may end a path.
 const ROULETTE_DEPTH: u32 = 4;
@@ -81,24 +83,32 @@ impl<'a> PathTracer<'a> {
         Self { guide, ..self }
     }
 
-    fn emitted(&self, hit: &SurfaceInteraction, drawn: Option<Drawn>) -> Rgb {
+    fn emitted(
+        &self,
+        hit: &SurfaceInteraction,
+        drawn: Option<Drawn>,
+        glint: impl FnOnce(LightId) -> f32,
+    ) -> Rgb {
         let Some(id) = self.scene.surface(hit).light else { return Rgb::ZERO };
         let Light::Area(area) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
         let weight = self
             .direct
             .weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
-        area.emitted(hit.is_front()) * hit.glow * weight
+        let found = area.emitted(hit.is_front()) * hit.glow * weight;
+        if found == Rgb::ZERO { found } else { found * glint(id) }
     }
 
     /// Light from outside along a ray that meets nothing.
-    fn outside(&self, direction: Vec3, drawn: Option<Drawn>) -> Rgb {
-        self.scene.outside(direction, |id, pdf| self.direct.weight(drawn, id, |_| pdf()))
+    fn outside(&self, direction: Vec3, drawn: Option<Drawn>, glint: impl Fn(LightId) -> f32) -> Rgb {
+        self.scene.outside(direction, |id, pdf| self.direct.weight(drawn, id, |_| pdf()) * glint(id))
     }
 }
 
 /// A path under way.
-struct State {
+struct State<'a> {
     ray: Ray,
+    /// The camera's ray and the specular surfaces met since, where there were no others.
+    seen: Option<(&'a EyeRay<'a>, Chain)>,
     throughput: Rgb,
     medium: Surroundings,
     class: Class,
@@ -109,10 +119,19 @@ struct State {
     guidance: f32,
 }
 
-impl State {
+impl State<'_> {
     /// A path that begins with this ray.
     fn new(ray: Ray, medium: Surroundings) -> Self {
-        Self { ray, throughput: Rgb::ONE, medium, class: Class::Camera, drawn: None, chain: 0, guidance: 1.0 }
+        Self {
+            ray,
+            seen: None,
+            throughput: Rgb::ONE,
+            medium,
+            class: Class::Camera,
+            drawn: None,
+            chain: 0,
+            guidance: 1.0,
+        }
     }
 }
 
@@ -120,7 +139,7 @@ impl PathTracer<'_> {
     /// Draws the next ray; `false` where the path ends.
     fn scatter(
         &self,
-        state: &mut State,
+        state: &mut State<'_>,
         hit: &SurfaceInteraction,
         directions: &Directions<'_>,
         depth: u32,
@@ -160,6 +179,9 @@ impl PathTracer<'_> {
             .then_some(Drawn { from: receiver(self.scene, hit), pdf: sample.pdf_solid_angle });
         state.class = state.class.after(sample.lobe);
         state.medium = medium;
+        let seen = state.seen.filter(|_| sample.lobe == Lobe::Specular);
+        state.seen =
+            seen.and_then(|(camera, chain)| Some((camera, chain.after(hit, shading, sample.transmission)?)));
         state.ray = hit.spawn(direction);
         true
     }
@@ -169,7 +191,7 @@ impl PathTracer<'_> {
     /// Follows a path from its ray on, which leaves surface number `first` from the camera; what it finds is added to `out`.
     fn follow(
         &self,
-        mut state: State,
+        mut state: State<'_>,
         first: u32,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
@@ -178,11 +200,12 @@ impl PathTracer<'_> {
         for depth in first..self.max_depth {
             scratch.counters.depth_sum += 1;
             scratch.counters.path_rays += u64::from(depth > 0);
+            let (seen, rare) = (state.seen, Cell::new(0));
+            let glint = |id| seen.map_or(1.0, |(eye, chain)| eye.lamp_weight(&chain, id, &rare));
             let Some((hit, passed)) = self.scene.intersect_within(&state.ray, &mut state.medium) else {
-                out.add(
-                    state.class.part(),
-                    state.throughput * self.outside(state.ray.direction, state.drawn),
-                );
+                let found = self.outside(state.ray.direction, state.drawn, glint);
+                out.add(state.class.part(), state.throughput * found);
+                scratch.counters.rare_glints += rare.get();
                 return;
             };
             if depth == 0 {
@@ -196,7 +219,9 @@ impl PathTracer<'_> {
             if !medium.is_clear() {
                 state.throughput *= medium.transmittance(hit.distance);
             }
-            out.add(state.class.part(), state.throughput * self.emitted(&hit, state.drawn));
+            let found = self.emitted(&hit, state.drawn, glint);
+            out.add(state.class.part(), state.throughput * found);
+            scratch.counters.rare_glints += rare.get();
             let shading = self.scene.shading_within(&hit, state.medium);
             let directions = Directions::new(self.guide, &hit, &shading, &mut scratch.counters);
             if shading.bsdf.has_specular() || shading.bsdf.has_glossy() {
@@ -238,10 +263,17 @@ impl PathTracer<'_> {
 }
 
 impl Integrator for PathTracer<'_> {
-    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
+    fn li(&self, camera: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
         let mut out = PixelSample::default();
         scratch.counters.camera_rays += 1;
-        self.follow(State::new(ray, self.camera_medium), 0, samples, scratch, &mut out);
+        let seen = Some((camera, Chain::default()));
+        self.follow(
+            State { seen, ..State::new(camera.ray, self.camera_medium) },
+            0,
+            samples,
+            scratch,
+            &mut out,
+        );
         out
     }
 }

@@ -1,7 +1,8 @@
 //! Specular reflection and refraction seen from the camera: the second integral of eq. (2), by recursion.
 
 use super::direct::Drawn;
-use crate::bsdf::TransportMode;
+use super::glints::Chain;
+use crate::bsdf::{BsdfSample, Lobe, TransportMode};
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::SampleStream;
@@ -24,6 +25,25 @@ pub(super) struct Branch {
     pub is_glossy: bool,
     /// Way from the eye to where the ray starts.
     pub travelled: f32,
+    /// The surfaces met before, where it followed a specular lobe at all of them.
+    pub chain: Option<Chain>,
+}
+
+impl Branch {
+    /// A path that begins with this ray.
+    pub(super) fn from_eye(ray: Ray, medium: Surroundings) -> Self {
+        Self {
+            ray,
+            throughput: Rgb::ONE,
+            medium,
+            depth: 0,
+            share: 1.0,
+            drawn: None,
+            is_glossy: false,
+            travelled: 0.0,
+            chain: Some(Chain::default()),
+        }
+    }
 }
 
 /// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
@@ -56,6 +76,20 @@ pub(super) fn push_children(
     }
 }
 
+/// Pushes what continues by the specular lobe of a surface that has others too.
+pub(super) fn push_specular(
+    branches: &mut Vec<Branch>,
+    parent: &Branch,
+    scene: &Scene,
+    hit: &SurfaceInteraction,
+    shading: &Shading,
+    u: f32,
+) {
+    let mode = TransportMode::Radiance;
+    let sample = shading.bsdf.sample_lobe(Lobe::Specular, shading.wo_local, u, glam::Vec2::ZERO, mode);
+    push_sample(branches, parent, scene, (hit, shading), sample, 1.0);
+}
+
 fn push(
     branches: &mut Vec<Branch>,
     parent: &Branch,
@@ -64,10 +98,19 @@ fn push(
     shading: &Shading,
     (u, share): (f32, f32),
 ) {
-    let Some(sample) = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance)
-    else {
-        return;
-    };
+    let sample = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance);
+    push_sample(branches, parent, scene, (hit, shading), sample, share);
+}
+
+fn push_sample(
+    branches: &mut Vec<Branch>,
+    parent: &Branch,
+    scene: &Scene,
+    (hit, shading): (&SurfaceInteraction, &Shading),
+    sample: Option<BsdfSample>,
+    share: f32,
+) {
+    let Some(sample) = sample else { return };
     let direction = shading.frame.to_world(sample.wi);
     let Some(medium) = scene.medium_after(parent.medium, hit, shading, direction, sample.transmission) else {
         return;
@@ -81,5 +124,6 @@ fn push(
         drawn: None,
         is_glossy: false,
         travelled: parent.travelled + hit.distance,
+        chain: parent.chain.and_then(|chain| chain.after(hit, shading, sample.transmission)),
     });
 }

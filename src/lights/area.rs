@@ -95,6 +95,15 @@ impl AreaLight {
         Some(LightBounds { power: of_area.power * radiance.max_element(), ..of_area })
     }
 
+    /// Middle and radius of a sphere around all pieces: itself, where it is one. `None` where there is none.
+    pub fn bounding_sphere(&self) -> Option<(DVec3, f64)> {
+        if let [EmitterShape::Sphere(sphere)] = self.pieces.as_slice() {
+            return Some((sphere.center(), sphere.radius()));
+        }
+        let bounds = self.bounds()?.bounds;
+        Some((bounds.center(), bounds.radius()))
+    }
+
     /// The same light with its radiance multiplied by `glow`; `corners` are those of each piece, all of them triangles. Pieces
     /// are chosen by what they emit. `None` where their areas cannot be summed up.
     pub fn with_glow(mut self, glow: Arc<Glow>, corners: Vec<[u32; 3]>) -> Option<Self> {

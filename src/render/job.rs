@@ -1,6 +1,8 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
 use super::adaptive::{Moments, SampleCounts, pilot_samples};
+use super::glints::{Glints, find_glints};
+use super::lamps_in_view::LampsInView;
 use super::maps::{ForPicture, PassOne, build_maps_from, is_worth_a_warning};
 use super::memory::{MemoryError, resident_memory};
 use super::observer::Observer;
@@ -9,15 +11,18 @@ use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
 use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Resident, Statistics, Times};
-use crate::camera::Camera;
-use crate::film::{AOVS, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile};
+use crate::camera::{Camera, CameraRay, FilmPlace};
+use crate::film::{
+    AOVS, Aov, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile,
+};
 use crate::image_io::take_tile_failures;
 use crate::integrators::{
-    CacheRequest, Counters, Integrator, PathTracer, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps,
-    Scratch, ShadowCounters, ShowClasses, ShowPhotons,
+    CacheRequest, Counters, EyeRay, GlintView, Integrator, PathTracer, PhotonMapIntegrator,
+    PhotonMapSettings, PhotonMaps, Scratch, ShadowCounters, ShowClasses, ShowPhotons,
 };
 use crate::math::Rgb;
-use crate::sampling::SampleStream;
+use crate::media::Surroundings;
+use crate::sampling::{Rng, SampleStream, Stream};
 use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
@@ -174,6 +179,7 @@ pub fn render_with_maps(
         let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     }
+    let glints = find_glints(scene, camera, request, &plan, observer);
     let pass_two = PassTwo {
         scene,
         camera,
@@ -182,6 +188,7 @@ pub fn render_with_maps(
         plan: &plan,
         maps: &pass_one.maps,
         reading: settings.photon_map_settings(scene),
+        glints: glints.as_ref(),
         samples: CameraSamples { seed: settings.seed, first: 0 },
         observer,
     };
@@ -215,6 +222,7 @@ pub(super) struct PassTwo<'a> {
     pub(super) plan: &'a RenderPlan,
     pub(super) maps: &'a PhotonMaps,
     pub(super) reading: PhotonMapSettings,
+    pub(super) glints: Option<&'a Glints<'a>>,
     pub(super) samples: CameraSamples,
     pub(super) observer: &'a dyn Observer,
 }
@@ -266,12 +274,26 @@ impl PassTwo<'_> {
                 Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
             }
         };
+        let lamps = match settings.integrator {
+            IntegratorKind::Photons => LampsInView::default(),
+            _ => LampsInView::new(scene, self.camera, medium, self.request),
+        };
         let pixels = PixelPass {
             camera: self.camera,
             request: self.request,
             sampler: &sampler,
             integrator: &*integrator,
             scene,
+            lamps,
+            glints: self.glints,
+            certain: match settings.integrator {
+                // What others are measured by.
+                IntegratorKind::Path => None,
+                // Of even and odd rounds, each of which has its own numbers.
+                IntegratorKind::Progressive => Some(2.0 * self.samples.first as f32 + settings.spp as f32),
+                IntegratorKind::PhotonMap | IntegratorKind::Photons => Some(settings.spp as f32),
+            },
+            medium,
             samples: self.samples,
             observer,
         };
@@ -431,6 +453,13 @@ fn warn(statistics: &mut Statistics, scene: &Scene) {
             counters.medium_mismatches
         ));
     }
+    if is_worth_a_warning(counters.rare_glints, counters.camera_rays) {
+        warnings.push(format!(
+            "{} times a lamp was met in glass or mirrors where the samples are too few to show how bright it is, and was dimmed \
+             by how rare that is (raise --spp, or --rounds; --glints false shows white dots)",
+            counters.rare_glints
+        ));
+    }
     if statistics.settings.integrator == IntegratorKind::Path && scene.has_hidden_caustics() {
         warnings.push(
             "paths from the camera never hit a point or parallel light, so their light is missing where it comes by way \
@@ -452,6 +481,11 @@ struct PixelPass<'a> {
     sampler: &'a FilterSampler,
     integrator: &'a dyn Integrator,
     scene: &'a Scene,
+    lamps: LampsInView,
+    glints: Option<&'a Glints<'a>>,
+    /// Camera samples that pixels have of all rounds up to this one, where lamps met by chance count by those.
+    certain: Option<f32>,
+    medium: Surroundings,
     samples: CameraSamples,
     observer: &'a dyn Observer,
 }
@@ -574,22 +608,42 @@ impl PixelPass<'_> {
         let size = Vec2::new(width as f32, height as f32);
         // Back from render space; a power of two, so nothing is rounded.
         let scale = 1.0 / self.scene.space().power;
+        let lamps = self.lamps.near(rendered.rect);
         for (x, y) in rendered.rect.pixels() {
             scratch.begin_pixel();
             let pixel = u64::from(y) * u64::from(width) + u64::from(x);
             let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            let glints = self.glints.and_then(|glints| glints.map.of_pixel(center, self.sampler));
+            let shows_lamps = lamps.iter().any(|lamp| lamp.is_near(center));
             let mut moments = Moments::default();
             for index in samples(x, y) {
                 let index = first.wrapping_add(index);
                 let mut stream = SampleStream::new(seed, pixel, index);
                 let filtered = self.sampler.sample(stream.next_2d());
-                let position = (center + filtered.offset) / size;
+                let place = FilmPlace { size, center, offset: filtered.offset };
                 // A pinhole takes no numbers for a lens.
-                let ray = match self.camera.lens() {
-                    Some(_) => self.camera.ray_through(position, stream.next_2d()),
-                    None => self.camera.ray(position),
-                };
-                let mut sample = self.integrator.li(ray, &mut stream, scratch);
+                let lens = self.camera.lens().map_or(Vec2::ZERO, |_| stream.next_2d());
+                let ray = CameraRay::new(self.camera, place, lens);
+                let known = self.glints.map(|known| GlintView {
+                    camera: &ray,
+                    sampler: self.sampler,
+                    pixel: glints.as_ref(),
+                    hunter: &known.hunter,
+                    samples: self.certain,
+                });
+                let eye = EyeRay { ray: ray.ray, glints: known };
+                let mut sample = self.integrator.li(&eye, &mut stream, scratch);
+                if let Some(glints) = &glints {
+                    let numbers = Rng::new(seed, Stream::Glints, (pixel << 32) | u64::from(index));
+                    let (by, view) = ((self.scene, self.medium), (self.camera, size, lens));
+                    sample.add(Aov::Specular, glints.radiance(by, view, filtered.weight, numbers));
+                }
+                if shows_lamps {
+                    let numbers = Rng::new(seed, Stream::LampsInView, (pixel << 32) | u64::from(index));
+                    let emission = &mut sample.radiance[Aov::Emission as usize];
+                    let view = (self.camera, self.sampler, place, filtered.weight);
+                    *emission = self.lamps.refined(self.scene, view, *emission, numbers);
+                }
                 for aov in AOVS {
                     sample.radiance[aov as usize] = to_world(sample.radiance[aov as usize], scale);
                 }

@@ -2,7 +2,9 @@
 
 mod adaptive;
 mod estimate;
+mod glints;
 mod job;
+mod lamps_in_view;
 mod maps;
 mod memory;
 mod observer;

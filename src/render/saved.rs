@@ -65,6 +65,7 @@ impl PhotonSettings {
             caustic_reuse: _,
             illumination_maps: _,
             adaptive: _,
+            glints: _,
             rounds: _,
             target_error: _,
         } = *settings;

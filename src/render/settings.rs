@@ -103,6 +103,8 @@ pub struct Overrides {
     pub accurate_distance: Option<f32>,
     /// Paths of which less than this share arrives are evaluated from the maps alone.
     pub approximate_weight: Option<f32>,
+    /// Whether lamps in glass and mirrors are looked for before the picture is rendered.
+    pub glints: Option<bool>,
     /// Rounds of [`IntegratorKind::Progressive`].
     pub rounds: Option<u64>,
     /// Relative error at which [`IntegratorKind::Progressive`] ends, which it is asked for by this where nothing else is.
@@ -153,6 +155,7 @@ impl Overrides {
             cache_samples: self.cache_samples.or(below.cache_samples),
             accurate_distance: self.accurate_distance.or(below.accurate_distance),
             approximate_weight: self.approximate_weight.or(below.approximate_weight),
+            glints: self.glints.or(below.glints),
             rounds: self.rounds.or(below.rounds),
             target_error: self.target_error.or(below.target_error),
         }
@@ -233,6 +236,9 @@ pub struct Settings {
     pub accurate_distance: f32,
     /// Paths of which less than this share arrives are evaluated from the maps alone.
     pub approximate_weight: f32,
+    /// Whether lamps in glass and mirrors are looked for before the picture is rendered, where their image is smaller than a
+    /// pixel.
+    pub glints: bool,
     /// Rounds of [`IntegratorKind::Progressive`], where camera samples and photons are those of each round; `None` for as
     /// many as it takes, or there is time for.
     pub rounds: Option<u64>,
@@ -248,6 +254,7 @@ impl Settings {
             .with_cache(self.irradiance_cache)
             .guided(scene, self.integrator, self.guide)
             .with_shadow_photons(scene, self.shadow_photons, shows_classes)
+            .with_glints(scene, self.integrator, self.glints)
     }
 }
 
@@ -303,6 +310,7 @@ impl Quality {
             adaptive: false,
             accurate_distance: 0.02,
             approximate_weight: 0.01,
+            glints: true,
             rounds: None,
             target_error: None,
         }
@@ -378,6 +386,7 @@ impl From<&Overrides> for Settings {
             cache_samples: asked.cache_samples.unwrap_or(preset.cache_samples),
             accurate_distance: asked.accurate_distance.unwrap_or(preset.accurate_distance),
             approximate_weight: asked.approximate_weight.unwrap_or(preset.approximate_weight),
+            glints: asked.glints.unwrap_or(preset.glints),
             // A target says by itself when to end.
             rounds: asked.rounds.or(preset.rounds.filter(|_| asked.target_error.is_none())),
             target_error: asked.target_error,

@@ -20,6 +20,12 @@ pub enum Stream {
     ShadowPhotons = 17,
     /// Paths that tell how much each light contributes.
     LightImportance = 18,
+    /// More rays of the camera where it sees lamps.
+    LampsInView = 19,
+    /// Where lamps in glass and mirrors are looked for.
+    GlintHunt = 20,
+    /// Further camera samples where such lamps are.
+    Glints = 21,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

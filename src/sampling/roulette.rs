@@ -3,7 +3,7 @@
 const ROULETTE_DEPTH: u32 = 64;
 
 /// Share of the chains that go on at each surface after that.
-const ROULETTE_SURVIVAL: f32 = 0.9;
+const ROULETTE_SURVIVAL: f32 = 0.98;
 
 /// Factor on what a specular chain carries beyond the surface number `depth`; `None` where it ends.
 pub fn chain_roulette(depth: u32, u: impl FnOnce() -> f32) -> Option<f32> {

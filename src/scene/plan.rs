@@ -6,6 +6,9 @@ use crate::lights::{LIGHTS_SAMPLED_EACH, Light};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
+/// More lamps than these are not looked for in glass and mirrors, where each is looked at by itself.
+const MOST_HUNTED: usize = 256;
+
 /// How a picture is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -118,6 +121,8 @@ pub struct RenderPlan {
     pub shadow_photons: Decision,
     /// Photons shared out by what lights contribute to the picture.
     pub photon_budget: Decision,
+    /// A search for lamps in glass and mirrors that are smaller than a pixel.
+    pub glints: Decision,
     /// Absorption along rays.
     pub absorption: Decision,
     /// Embree geometry kinds in the scene, with counts.
@@ -165,6 +170,7 @@ impl RenderPlan {
             },
             shadow_photons: Decision::no("every shadow ray is traced"),
             photon_budget: facts.photon_budget(integrator, scene.lights().len()),
+            glints: Decision::no("lamps in glass and mirrors are met by chance"),
             absorption: if facts.absorbing > 0 {
                 Decision::yes(format!("{} medium or media absorb", facts.absorbing))
             } else {
@@ -230,8 +236,30 @@ impl RenderPlan {
         self
     }
 
+    /// The same plan where lamps are to be looked for in glass and mirrors.
+    #[must_use]
+    pub fn with_glints(mut self, scene: &Scene, integrator: IntegratorKind, wanted: bool) -> Self {
+        let facts = Facts::of(scene);
+        let lamps =
+            scene.lights().iter().filter(|light| matches!(light, Light::Area(_) | Light::Sun(_))).count();
+        self.glints = match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            _ if !wanted => return self,
+            _ if facts.specular == 0 => Decision::no("no specular surface shows a lamp"),
+            _ if lamps == 0 => Decision::no("no light can be seen as a lamp"),
+            _ if lamps > MOST_HUNTED => {
+                Decision::no(format!("{lamps} lamps are too many to look at one by one"))
+            }
+            _ => Decision::yes(format!(
+                "{} specular surface(s) may show {lamps} lamp(s) smaller than a pixel",
+                facts.specular
+            )),
+        };
+        self
+    }
+
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 11] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 12] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
@@ -243,6 +271,7 @@ impl RenderPlan {
             ("BSDF sampling of lights", &self.bsdf_sampling),
             ("shadow photons", &self.shadow_photons),
             ("photons by contribution", &self.photon_budget),
+            ("search for glints", &self.glints),
             ("absorption", &self.absorption),
         ]
     }

@@ -1,7 +1,7 @@
 //! Directions that photons guide: the same pictures, with less noise.
 
 use crate::support::*;
-use cardioid::integrators::{Integrator, PathTracer, PhotonMapIntegrator, PhotonMaps, Scratch};
+use cardioid::integrators::{EyeRay, Integrator, PathTracer, PhotonMapIntegrator, PhotonMaps, Scratch};
 use cardioid::render::{GuideKind, MapKind, Overrides, Silent, build_maps};
 use cardioid::sampling::SampleStream;
 use cardioid::scene::{IntegratorKind, RenderPlan};
@@ -66,7 +66,7 @@ impl Guided {
                 for index in 0..spp {
                     let mut samples = SampleStream::new(seed + run, u64::from(pixel), index);
                     let ray = self.stage.built.camera.ray((corner + samples.next_2d()) / SIDE as f32);
-                    let sample = integrator.li(ray, &mut samples, &mut scratch);
+                    let sample = integrator.li(&EyeRay::alone(ray), &mut samples, &mut scratch);
                     value += sample.radiance.iter().map(|part| part.as_dvec3()).sum::<DVec3>();
                 }
                 let value = value.element_sum() / f64::from(spp) / scene.space().power;

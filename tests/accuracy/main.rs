@@ -14,6 +14,7 @@ mod direct;
 mod enclosures;
 mod estimators;
 mod extremes;
+mod glints;
 mod glossy;
 mod guide;
 mod illumination;

@@ -7,7 +7,7 @@ use super::{PhotonMapIntegrator, Vertex};
 use crate::caches::{CacheSettings, Filling, Hemisphere, Irradiance, Place, Record, Seen};
 use crate::camera::Camera;
 use crate::film::Aov;
-use crate::integrators::{Counters, Scratch};
+use crate::integrators::{Counters, EyeRay, Scratch};
 use crate::math::{Frame, Rgb};
 use crate::sampling::{Rng, SampleStream, Stream, mix};
 use glam::{Mat3, Vec2};
@@ -191,7 +191,7 @@ impl PhotonMapIntegrator<'_> {
         let mut number = 0;
         let (scene, max_depth) = (self.scene, self.settings.max_depth);
         let walk = Walk { scene, max_depth, glossy_samples: 1, lights: None };
-        walk_specular(walk, at(0.5), self.camera_medium, &mut samples, scratch, &mut {
+        walk_specular(walk, &EyeRay::alone(at(0.5)), self.camera_medium, &mut samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
                 if self.is_cached(vertex) {
                     visit(

@@ -5,7 +5,7 @@ use super::PhotonMapIntegrator;
 use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::direct::{DirectLighting, Drawn, receiver};
 use crate::integrators::specular::{Branch, SMALLEST_SHARE, SPLIT_DEPTH, chain_roulette};
-use crate::lights::Light;
+use crate::lights::{Light, LightId};
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::{ONE_MINUS_EPSILON, SampleStream};
@@ -52,6 +52,10 @@ pub(super) fn push_scattered(
                 .filter(|_| is_glossy)
                 .map(|_| Drawn { from: receiver(scene, hit), pdf: sample.pdf_solid_angle }),
             is_glossy,
+            chain: parent
+                .chain
+                .filter(|_| !is_glossy)
+                .and_then(|chain| chain.after(hit, shading, sample.transmission)),
         });
     };
     let alone = glossy.min(specular) <= 0.0;
@@ -90,19 +94,22 @@ fn choose(u: f32, glossy: f32, specular: f32) -> (Lobe, f32, f32) {
     (lobe, weight, rest.clamp(0.0, ONE_MINUS_EPSILON))
 }
 
-/// Light of an emitter that a followed ray meets at `hit`, weighted against light sampling where `drawn` says so.
+/// Light of an emitter that a followed ray meets at `hit`, weighted against light sampling where `drawn` says so, and by what
+/// `glint` says of the light.
 pub(super) fn emitted(
     scene: &Scene,
     lights: Option<&DirectLighting<'_>>,
     drawn: Option<Drawn>,
     hit: &SurfaceInteraction,
+    glint: impl FnOnce(LightId) -> f32,
 ) -> Rgb {
     let Some(id) = scene.surface(hit).light else { return Rgb::ZERO };
     let Light::Area(area) = &scene.lights()[id as usize] else { return Rgb::ZERO };
     let weight = lights.map_or(1.0, |lights| {
         lights.weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position))
     });
-    area.emitted(hit.is_front()) * hit.glow * weight
+    let found = area.emitted(hit.is_front()) * hit.glow * weight;
+    if found == Rgb::ZERO { found } else { found * glint(id) }
 }
 
 /// Light from outside along a followed ray that meets nothing, as [`emitted`].
@@ -111,8 +118,11 @@ pub(super) fn outside(
     lights: Option<&DirectLighting<'_>>,
     drawn: Option<Drawn>,
     direction: Vec3,
+    glint: impl Fn(LightId) -> f32,
 ) -> Rgb {
-    scene.outside(direction, |id, pdf| lights.map_or(1.0, |lights| lights.weight(drawn, id, |_| pdf())))
+    scene.outside(direction, |id, pdf| {
+        lights.map_or(1.0, |lights| lights.weight(drawn, id, |_| pdf())) * glint(id)
+    })
 }
 
 /// A gather ray that goes on.

@@ -19,10 +19,10 @@ pub use show::ShowPhotons;
 pub use show_classes::ShowClasses;
 
 use super::direct::{DirectLighting, Reflected};
-use super::{Directions, Integrator, Scratch};
+use super::{Directions, EyeRay, Integrator, Scratch};
 use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
-use crate::math::{Ray, Rgb};
+use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::photons::{
     DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion,
@@ -343,7 +343,7 @@ impl<'a> PhotonMapIntegrator<'a> {
 }
 
 impl Integrator for PhotonMapIntegrator<'_> {
-    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
+    fn li(&self, ray: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
         let walk = Walk {
             scene: self.scene,
             max_depth: self.settings.max_depth,

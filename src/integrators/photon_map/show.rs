@@ -4,8 +4,8 @@ use super::lookup::reflected;
 use super::walk::{Walk, walk_specular};
 use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
-use crate::integrators::{Integrator, Scratch};
-use crate::math::{Ray, Rgb};
+use crate::integrators::{EyeRay, Integrator, Scratch};
+use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
@@ -67,7 +67,7 @@ impl<'a> ShowPhotons<'a> {
 }
 
 impl Integrator for ShowPhotons<'_> {
-    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
+    fn li(&self, ray: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
         let walk = Walk {
             scene: self.scene,
             max_depth: self.settings.max_depth,

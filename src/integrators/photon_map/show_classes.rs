@@ -3,8 +3,8 @@
 use super::walk::{Walk, walk_specular};
 use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
-use crate::integrators::{Integrator, Scratch};
-use crate::math::{Ray, Rgb};
+use crate::integrators::{EyeRay, Integrator, Scratch};
+use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::photons::{PhotonClass, PhotonClasses, PhotonMap, Query};
 use crate::sampling::SampleStream;
@@ -78,7 +78,7 @@ impl<'a> ShowClasses<'a> {
 }
 
 impl Integrator for ShowClasses<'_> {
-    fn li(&self, ray: Ray, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
+    fn li(&self, ray: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
         let walk = Walk { scene: self.scene, max_depth: self.max_depth, glossy_samples: 1, lights: None };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]

@@ -5,11 +5,12 @@ use super::glossy::{emitted, outside, push_scattered};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::direct::DirectLighting;
 use crate::integrators::specular::{Branch, push_children};
-use crate::integrators::{Scratch, describe_first_hit};
-use crate::math::{Ray, Rgb};
+use crate::integrators::{EyeRay, Scratch, describe_first_hit};
+use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
+use std::cell::Cell;
 
 /// How a camera ray is followed.
 #[derive(Clone, Copy)]
@@ -28,8 +29,8 @@ pub(super) struct Walk<'a> {
 /// whatever it is.
 pub(super) fn walk_specular<const N: usize>(
     walk: Walk<'_>,
-    ray: Ray,
-    medium: Surroundings,
+    camera: &EyeRay<'_>,
+    camera_medium: Surroundings,
     samples: &mut SampleStream,
     scratch: &mut Scratch,
     shade: &mut impl FnMut(&Vertex<'_>, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); N],
@@ -39,25 +40,19 @@ pub(super) fn walk_specular<const N: usize>(
     scratch.counters.camera_rays += 1;
     let mut branches = std::mem::take(&mut scratch.branches);
     branches.clear();
-    branches.push(Branch {
-        ray,
-        throughput: Rgb::ONE,
-        medium,
-        depth: 0,
-        share: 1.0,
-        travelled: 0.0,
-        drawn: None,
-        is_glossy: false,
-    });
+    branches.push(Branch::from_eye(camera.ray, camera_medium));
     while let Some(mut branch) = branches.pop() {
         let first = branch.depth == 0;
         let part = |aov: Aov| if first { aov } else { Aov::Specular };
         scratch.counters.depth_sum += 1;
         scratch.counters.specular_rays += u64::from(!(first || branch.is_glossy));
         scratch.counters.glossy_rays += u64::from(branch.is_glossy);
+        let (chain, rare) = (branch.chain, Cell::new(0));
+        let glint = |id| chain.map_or(1.0, |chain| camera.lamp_weight(&chain, id, &rare));
         let Some((hit, passed)) = scene.intersect_within(&branch.ray, &mut branch.medium) else {
-            let found = outside(scene, lights, branch.drawn, branch.ray.direction);
+            let found = outside(scene, lights, branch.drawn, branch.ray.direction, glint);
             out.add(part(Aov::Emission), branch.throughput * found);
+            scratch.counters.rare_glints += rare.get();
             continue;
         };
         if first {
@@ -71,7 +66,9 @@ pub(super) fn walk_specular<const N: usize>(
         if !medium.is_clear() {
             branch.throughput *= medium.transmittance(hit.distance);
         }
-        out.add(part(Aov::Emission), branch.throughput * emitted(scene, lights, branch.drawn, &hit));
+        let found = emitted(scene, lights, branch.drawn, &hit, glint);
+        out.add(part(Aov::Emission), branch.throughput * found);
+        scratch.counters.rare_glints += rare.get();
         let shading = scene.shading_within(&hit, branch.medium);
         let bsdf = &shading.bsdf;
         if bsdf.has_specular() || bsdf.has_glossy() {

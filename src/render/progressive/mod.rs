@@ -11,6 +11,7 @@ mod law;
 pub use checkpoint::{Checkpoint, CheckpointError, blank_checkpoint_bytes, parse_checkpoint_bytes};
 pub use error::{ErrorEstimate, error_of_halves};
 
+use super::glints::{Glints, find_glints};
 use super::job::{PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, statistics};
 use super::maps::{PassOne, build_maps};
 use super::observer::Observer;
@@ -115,7 +116,9 @@ pub fn render_in_rounds(
         return Err(RenderError::NoSamples);
     }
     let request = &RenderRequest { layers: LayerSet { bias: true, ..request.layers }, ..request.clone() };
-    let job = Job { scene, camera, request, plan: &settings.plan(scene), observer };
+    let plan = &settings.plan(scene);
+    let glints = find_glints(scene, camera, request, plan, observer);
+    let job = Job { scene, camera, request, plan, glints, observer };
     let identity = rounds.identity_of(request);
     let empty = [job.film()?, job.film()?];
     let mut state = match &rounds.resume {
@@ -138,6 +141,7 @@ struct Job<'a> {
     camera: &'a Camera,
     request: &'a RenderRequest,
     plan: &'a RenderPlan,
+    glints: Option<Glints<'a>>,
     observer: &'a dyn Observer,
 }
 
@@ -184,6 +188,7 @@ impl Job<'_> {
             plan: self.plan,
             maps: &pass_one.maps,
             reading: self.reading(area),
+            glints: self.glints.as_ref(),
             samples: law::camera_samples(asked.seed, round, asked.spp),
             observer: &observer,
         };

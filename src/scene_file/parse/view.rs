@@ -251,6 +251,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
     let caustic_reuse = table.optional("caustic-reuse", share(&SHARE));
     let accurate_distance = table.optional("accurate-distance", share(&SHARE));
     let approximate_weight = table.optional("approximate-weight", share(&SHARE));
+    let glints = table.optional("glints", |value| value.boolean());
     let rounds = table.optional("rounds", |value| value.integer(1..=MOST_ROUNDS));
     let target_error = table.optional("target-error", |value| value.number(&TARGET_ERROR));
     table.finish();
@@ -291,6 +292,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
         cache_samples: cache_samples?,
         accurate_distance: accurate_distance?,
         approximate_weight: approximate_weight?,
+        glints: glints?,
         rounds: rounds?,
         target_error: target_error?,
     })

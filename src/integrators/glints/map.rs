@@ -1,0 +1,212 @@
+//! Glints by where they are on the picture, and camera samples drawn from them.
+
+use super::chain::Chain;
+use super::hunt::{Glint, Hunter, emitted};
+use crate::camera::{Camera, CameraRay, FilmPlace};
+use crate::film::FilterSampler;
+use crate::lights::LightId;
+use crate::math::Rgb;
+use crate::media::Surroundings;
+use crate::sampling::{Rng, warp};
+use crate::scene::Scene;
+use glam::{IVec2, Vec2};
+
+/// Glints of one pixel that are drawn from: the strongest.
+const MOST_IN_PIXEL: usize = 64;
+
+/// Further samples of a pixel for each of its own.
+const RAYS: usize = 4;
+
+/// Glints whose middle is nearer to that of another than this share of its ellipse are the same.
+const SAME: f32 = 0.5;
+
+/// Weight of a glint whose middle is outside of the filter, as a share of that in the middle of it.
+const OUTSIDE: f32 = 0.05;
+
+/// All glints that were found.
+#[derive(Clone, Debug, Default)]
+pub struct GlintMap {
+    /// By pixel, row by row.
+    glints: Vec<Glint>,
+    /// Of each pixel with glints its place and its first.
+    pixels: Vec<((i32, i32), usize)>,
+    /// Longest half axis of all ellipses.
+    reach: f32,
+}
+
+fn pixel_of(glint: &Glint) -> (i32, i32) {
+    let at = glint.ellipse.center.floor().as_ivec2();
+    (at.y, at.x)
+}
+
+impl GlintMap {
+    /// The map of what was found, the same ones once.
+    pub fn new(mut found: Vec<Glint>) -> Self {
+        found.sort_by_key(pixel_of);
+        let mut map = Self::default();
+        for of_pixel in found.chunk_by(|a, b| pixel_of(a) == pixel_of(b)) {
+            let first = map.glints.len();
+            for glint in of_pixel {
+                let known = map.glints[first..].iter_mut().find(|known| {
+                    let near = known.ellipse.center + (glint.ellipse.center - known.ellipse.center) / SAME;
+                    known.chain == glint.chain && known.ellipse.contains(near)
+                });
+                match known {
+                    Some(known) => known.weight = known.weight.max(glint.weight),
+                    None => map.glints.push(*glint),
+                }
+            }
+            map.glints[first..].sort_by(|a, b| b.weight.total_cmp(&a.weight));
+            map.glints.truncate(first + MOST_IN_PIXEL);
+            map.pixels.push((pixel_of(&of_pixel[0]), first));
+        }
+        map.reach = map.glints.iter().map(|glint| glint.ellipse.reach()).fold(0.0, f32::max);
+        map
+    }
+
+    /// Count of glints.
+    pub fn len(&self) -> usize {
+        self.glints.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.glints.is_empty()
+    }
+
+    /// Those of the pixel with this `center`; `None` where there are none.
+    pub fn of_pixel<'a>(&'a self, center: Vec2, sampler: &'a FilterSampler) -> Option<PixelGlints<'a>> {
+        if self.is_empty() {
+            return None;
+        }
+        let radius = Vec2::splat(sampler.radius());
+        let (low, high) = (center - radius, center + radius);
+        let cell = |at: Vec2| -> IVec2 { at.floor().as_ivec2() };
+        let (first, last) = (cell(low - self.reach), cell(high + self.reach));
+        let mut glints = Vec::new();
+        for row in first.y..=last.y {
+            let start = self.pixels.partition_point(|&(at, _)| at < (row, first.x));
+            for (i, &(at, begin)) in self.pixels.iter().enumerate().skip(start) {
+                if at > (row, last.x) {
+                    break;
+                }
+                let end = self.pixels.get(i + 1).map_or(self.glints.len(), |next| next.1);
+                glints.extend(self.glints[begin..end].iter().copied().filter(|glint| {
+                    let ellipse = &glint.ellipse;
+                    (ellipse.center + ellipse.reach()).cmpgt(low).all()
+                        && (ellipse.center - ellipse.reach()).cmplt(high).all()
+                }));
+            }
+        }
+        let most = sampler.density(Vec2::ZERO).0 * OUTSIDE;
+        let weight = |glint: &Glint| glint.weight * (sampler.density(glint.ellipse.center - center).0 + most);
+        glints.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
+        glints.truncate(MOST_IN_PIXEL);
+        let total: f32 = glints.iter().map(weight).sum();
+        if !(total > 0.0 && total.is_finite()) {
+            return None;
+        }
+        let choices = glints.iter().map(|glint| (*glint, weight(glint) / total)).collect();
+        Some(PixelGlints { choices, center, sampler })
+    }
+}
+
+/// The glints of a pixel.
+#[derive(Clone, Debug)]
+pub struct PixelGlints<'a> {
+    /// And the probability with which each is drawn from.
+    choices: Vec<(Glint, f32)>,
+    center: Vec2,
+    sampler: &'a FilterSampler,
+}
+
+impl PixelGlints<'_> {
+    /// Expected count of further samples for each of the pixel's own that follow `chain`, per square pixel, at a place of the
+    /// picture.
+    fn density(&self, chain: &Chain, at: Vec2) -> f32 {
+        let of_chain =
+            self.choices.iter().filter(|(glint, _)| glint.chain == *chain && glint.ellipse.contains(at));
+        of_chain.map(|(glint, choice)| choice / glint.ellipse.area()).sum::<f32>() * RAYS as f32
+    }
+
+    /// Light that further samples find beside one of the pixel's own, for the film to add with the `weight` of that one, through the
+    /// same point of the `lens`.
+    pub fn radiance(
+        &self,
+        (scene, medium): (&Scene, Surroundings),
+        (camera, size, lens): (&Camera, Vec2, Vec2),
+        weight: f32,
+        mut numbers: Rng,
+    ) -> Rgb {
+        let mut sum = Rgb::ZERO;
+        // A part of the disc for each, as most of the light may be that of one glint; from any on, so that none belongs to a glint.
+        let first = (numbers.next_u64() % RAYS as u64) as usize;
+        for i in 0..RAYS {
+            let mut u = (i as f32 + numbers.next_f32()) / RAYS as f32;
+            let v = numbers.next_2d();
+            let part = ((first + i) % RAYS) as f32;
+            let disc = warp::square_to_disc(Vec2::new((part + v.x) / RAYS as f32, v.y));
+            let chosen = self.choices.iter().find(|(_, choice)| {
+                u -= choice;
+                u < 0.0
+            });
+            // Rounding may leave a rest.
+            let Some((glint, _)) = chosen.or(self.choices.last()) else { continue };
+            let at = glint.ellipse.at(disc);
+            let place = FilmPlace { size, center: self.center, offset: at - self.center };
+            let (own, sign) = self.sampler.density(place.offset);
+            if own == 0.0 {
+                continue;
+            }
+            let ray = CameraRay::new(camera, place, lens).ray;
+            let Some(mut end) = glint.chain.follow(scene, ray, medium) else { continue };
+            let found = emitted(scene, &mut end);
+            if found == Rgb::ZERO {
+                continue;
+            }
+            let all = own * end.chance + self.density(&glint.chain, place.center + place.offset);
+            sum += found * end.throughput * (own * sign / (all * weight));
+        }
+        if sum.is_finite() { sum } else { Rgb::ZERO }
+    }
+}
+
+/// What there is to know of glints for a camera sample.
+#[derive(Clone, Copy, Debug)]
+pub struct GlintView<'a> {
+    /// Where it is on the picture.
+    pub camera: &'a CameraRay<'a>,
+    /// By which the pixel was filled.
+    pub sampler: &'a FilterSampler,
+    /// Glints of its pixel, which are looked for by further samples ([`PixelGlints::radiance`]).
+    pub pixel: Option<&'a PixelGlints<'a>>,
+    /// What they were found by.
+    pub hunter: &'a Hunter<'a>,
+    /// Camera samples that the pixel has, where light met by chance is to count for no more than these make certain.
+    pub samples: Option<f32>,
+}
+
+impl GlintView<'_> {
+    /// What the light of a lamp counts for that the sample meets behind a chain; and whether that is less as it is rare.
+    pub(in crate::integrators) fn weight(&self, chain: &Chain, id: LightId) -> (f32, bool) {
+        let place = self.camera.place();
+        let own = self.sampler.density(place.offset).0;
+        let further = self.pixel.map_or(0.0, |pixel| pixel.density(chain, place.center + place.offset));
+        if further > 0.0 {
+            // Followed again by the same numbers, it ends where it ended.
+            let chance = self.hunter.chance(self.camera, chain).unwrap_or(0.0);
+            return if chance > 0.0 {
+                (own * chance / (own * chance + further), false)
+            } else {
+                (1.0, false)
+            };
+        }
+        match self.samples {
+            Some(samples) => {
+                let certainty = self.hunter.certainty(self.camera, *chain, id, (samples, own));
+                (certainty, certainty < 1.0)
+            }
+            None => (1.0, false),
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! Looking for glints over the whole picture, before it is rendered.
+
+use super::job::RenderRequest;
+use super::observer::Observer;
+use crate::camera::{Camera, FilmPlace};
+use crate::film::PixelRect;
+use crate::integrators::{FARTHEST_GLINT, Glint, GlintMap, Hunter, Scratch};
+use crate::sampling::{SampleStream, Stream, mix};
+use crate::scene::{RenderPlan, Scene};
+use glam::Vec2;
+use rayon::prelude::*;
+
+/// Places of a picture from which is looked, in all, and within a pixel: as many in a small picture, whose pixels show more.
+const PLACES: usize = 1_000_000;
+const IN_PIXEL: (usize, usize) = (4, 32);
+
+/// What is known of glints.
+pub(super) struct Glints<'a> {
+    /// Where they are.
+    pub(super) map: GlintMap,
+    /// By what they were found.
+    pub(super) hunter: Hunter<'a>,
+}
+
+/// What is found, for the window of the request; `None` where the plan does without. Each pixel's glints are the same whatever the
+/// window.
+pub(super) fn find_glints<'a>(
+    scene: &'a Scene,
+    camera: &Camera,
+    request: &RenderRequest,
+    plan: &RenderPlan,
+    observer: &dyn Observer,
+) -> Option<Glints<'a>> {
+    if !plan.glints.build {
+        return None;
+    }
+    let RenderRequest { width, height, crop, ref filter, ref settings, .. } = *request;
+    let whole = PixelRect::whole(width, height);
+    let margin = (FARTHEST_GLINT + filter.radius()).ceil() as u32 + 2;
+    // Samples are shared out by what the whole picture shows.
+    let near = crop.filter(|_| !settings.adaptive).map_or(whole, |crop| PixelRect {
+        x0: crop.x0.saturating_sub(margin),
+        y0: crop.y0.saturating_sub(margin),
+        x1: crop.x1.saturating_add(margin),
+        y1: crop.y1.saturating_add(margin),
+    });
+    let rows = near.intersection(&whole);
+    let count = (PLACES / whole.area().max(1)).clamp(IN_PIXEL.0, IN_PIXEL.1) as u32;
+    let hunter = Hunter::new(scene, scene.medium_at(camera.eye()), settings.max_depth);
+    let size = Vec2::new(width as f32, height as f32);
+    let seed = mix(settings.seed ^ Stream::GlintHunt as u64);
+    let found: Vec<Vec<Glint>> = (rows.y0..rows.y1)
+        .into_par_iter()
+        .with_max_len(1)
+        .map_init(Scratch::default, |scratch, y| {
+            let mut found = Vec::new();
+            for x in rows.x0..rows.x1 {
+                if observer.is_cancelled() {
+                    break;
+                }
+                let pixel = u64::from(y) * u64::from(width) + u64::from(x);
+                let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                for index in 0..count {
+                    let mut samples = SampleStream::new(seed, pixel, index);
+                    let offset = samples.next_2d() - 0.5;
+                    let place = FilmPlace { size, center, offset };
+                    found.append(&mut hunter.look((camera, place), &mut samples, scratch));
+                }
+            }
+            found
+        })
+        .collect();
+    Some(Glints { map: GlintMap::new(found.concat()), hunter })
+}

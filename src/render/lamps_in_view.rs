@@ -1,0 +1,121 @@
+//! Lamps that the camera itself sees: their emission by more rays than the rest of the picture.
+//!
+//! A lamp is far brighter than what it lights. The sliver of one behind an edge, met by one camera sample in a thousand, is a white
+//! dot in one picture and missing in the next. What a lamp sends to the camera needs no shading, so where a pixel may see one, more
+//! rays are drawn for that alone. Each is one more sample of the pixel's filter: nothing is blurred, and the mean does not change.
+
+use super::job::RenderRequest;
+use crate::camera::{Camera, CameraRay, FilmPlace};
+use crate::film::{FilterSampler, PixelRect};
+use crate::lights::Light;
+use crate::math::{Ray, Rgb};
+use crate::media::Surroundings;
+use crate::sampling::Rng;
+use crate::scene::Scene;
+use glam::{Vec2, Vec3};
+
+/// Rays beside that of a camera sample: the square of this number.
+const SIDE: u32 = 4;
+
+/// Lamps that are seen wider than the tangent of this half angle are left to the camera samples: but for their edges, all agree.
+const WIDEST: f32 = 0.3;
+
+/// A disc on the picture that a lamp lies within, pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LampDisc {
+    center: Vec2,
+    radius: f32,
+}
+
+impl LampDisc {
+    /// Whether samples of the pixel with this centre may see the lamp.
+    pub(super) fn is_near(&self, pixel: Vec2) -> bool {
+        self.center.distance_squared(pixel) <= self.radius * self.radius
+    }
+}
+
+/// The lamps in a picture.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LampsInView {
+    lamps: Vec<LampDisc>,
+    medium: Surroundings,
+}
+
+impl LampsInView {
+    /// What `camera`, in `medium`, sees.
+    pub(super) fn new(scene: &Scene, camera: &Camera, medium: Surroundings, request: &RenderRequest) -> Self {
+        let size = Vec2::new(request.width as f32, request.height as f32);
+        let margin = request.filter.radius() * std::f32::consts::SQRT_2 + 0.5;
+        let lamps = scene.lights().iter().filter_map(|light| {
+            let (direction, tangent) = seen_from(camera, light)?;
+            let center = camera.position_of(direction)? * size;
+            // The image of a cone is longest towards the corners.
+            let radius = camera.stretch(direction) * tangent * size.y + margin;
+            Some(LampDisc { center, radius })
+        });
+        Self { lamps: lamps.collect(), medium }
+    }
+
+    /// Those that pixels of a rectangle may see.
+    pub(super) fn near(&self, rect: PixelRect) -> Vec<LampDisc> {
+        let (low, high) =
+            (Vec2::new(rect.x0 as f32, rect.y0 as f32), Vec2::new(rect.x1 as f32, rect.y1 as f32));
+        let distance = |lamp: &LampDisc| (lamp.center - lamp.center.clamp(low, high)).length();
+        self.lamps.iter().copied().filter(|lamp| distance(lamp) <= lamp.radius).collect()
+    }
+
+    /// Emission of a camera sample at `place` with this `weight`, `found` by its own ray, as the mean with more.
+    pub(super) fn refined(
+        &self,
+        scene: &Scene,
+        (camera, sampler, place, weight): (&Camera, &FilterSampler, FilmPlace, f32),
+        found: Rgb,
+        mut numbers: Rng,
+    ) -> Rgb {
+        let mut sum = found * weight;
+        for cell in 0..SIDE * SIDE {
+            let jitter = numbers.next_2d();
+            let u = (Vec2::new((cell % SIDE) as f32, (cell / SIDE) as f32) + jitter) / SIDE as f32;
+            let other = sampler.sample(u.min(Vec2::splat(crate::sampling::ONE_MINUS_EPSILON)));
+            let lens = camera.lens().map_or(Vec2::ZERO, |_| numbers.next_2d());
+            let ray = CameraRay::new(camera, FilmPlace { offset: other.offset, ..place }, lens).ray;
+            sum += emission(scene, &ray, self.medium) * other.weight;
+        }
+        sum / ((SIDE * SIDE + 1) as f32 * weight)
+    }
+}
+
+/// Direction from the eye to the middle of a lamp, and the tangent of the half angle of the cone that holds it, from wherever on the
+/// lens.
+fn seen_from(camera: &Camera, light: &Light) -> Option<(Vec3, f32)> {
+    let blur = |inverse_distance: f32| {
+        camera.lens().map_or(0.0, |lens| (lens.radius as f32) * (inverse_distance + 1.0 / lens.focus as f32))
+    };
+    let (direction, tangent) = match light {
+        Light::Area(area) => {
+            let (center, radius) = area.bounding_sphere()?;
+            let to_lamp = center.as_vec3() - camera.eye();
+            let (distance, radius) = (to_lamp.length(), radius as f32);
+            if !(distance > radius) {
+                return None;
+            }
+            let nearest = 1.0 / (distance - radius);
+            (to_lamp / distance, radius / (distance * distance - radius * radius).sqrt() + blur(nearest))
+        }
+        Light::Sun(sun) => (sun.towards(), sun.angular_radius().tan() + blur(0.0)),
+        _ => return None,
+    };
+    (tangent < WIDEST).then_some((direction, tangent))
+}
+
+/// What a ray of the camera meets that emits.
+fn emission(scene: &Scene, ray: &Ray, mut medium: Surroundings) -> Rgb {
+    let Some((hit, _)) = scene.intersect_within(ray, &mut medium) else {
+        return scene.outside(ray.direction, |_, _| 1.0);
+    };
+    let Some(id) = scene.surface(&hit).light else { return Rgb::ZERO };
+    let Light::Area(area) = &scene.lights()[id as usize] else { return Rgb::ZERO };
+    let emitted = area.emitted(hit.is_front()) * hit.glow;
+    let medium = scene.medium(medium.medium());
+    if medium.is_clear() { emitted } else { emitted * medium.transmittance(hit.distance) }
+}
