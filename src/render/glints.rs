@@ -6,13 +6,13 @@ use crate::camera::{Camera, FilmPlace};
 use crate::film::PixelRect;
 use crate::integrators::{FARTHEST_GLINT, Glint, GlintMap, Hunter, Scratch};
 use crate::sampling::{SampleStream, Stream, mix};
-use crate::scene::{RenderPlan, Scene};
+use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use glam::Vec2;
 use rayon::prelude::*;
 
-/// Places of a picture from which is looked, in all, and within a pixel: as many in a small picture, whose pixels show more.
+/// Places of a picture from which is looked, in all, and within a pixel: more in a small picture, whose pixels show more.
 const PLACES: usize = 1_000_000;
-const IN_PIXEL: (usize, usize) = (4, 32);
+const IN_PIXEL: (u32, u32) = (2, 32);
 
 /// What is known of glints.
 pub(super) struct Glints<'a> {
@@ -45,7 +45,13 @@ pub(super) fn find_glints<'a>(
         y1: crop.y1.saturating_add(margin),
     });
     let rows = near.intersection(&whole);
-    let count = (PLACES / whole.area().max(1)).clamp(IN_PIXEL.0, IN_PIXEL.1) as u32;
+    // Looking should cost less than what is looked at.
+    let most = match settings.integrator {
+        IntegratorKind::Progressive => IN_PIXEL.1,
+        _ => settings.spp.clamp(IN_PIXEL.0, IN_PIXEL.1),
+    };
+    let count = u32::try_from(PLACES / whole.area().max(1)).unwrap_or(u32::MAX).clamp(IN_PIXEL.0, most);
+    observer.begin("looking for lamps in glass and mirrors", u64::from(rows.y1.saturating_sub(rows.y0)));
     let hunter = Hunter::new(scene, scene.medium_at(camera.eye()), settings.max_depth);
     let size = Vec2::new(width as f32, height as f32);
     let seed = mix(settings.seed ^ Stream::GlintHunt as u64);
@@ -70,5 +76,6 @@ pub(super) fn find_glints<'a>(
             found
         })
         .collect();
+    observer.advance(found.len() as u64);
     Some(Glints { map: GlintMap::new(found.concat()), hunter })
 }

@@ -179,7 +179,9 @@ pub fn render_with_maps(
         let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
         return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
     }
+    let begun = Instant::now();
     let glints = find_glints(scene, camera, request, &plan, observer);
+    let seconds_glints = begun.elapsed().as_secs_f64();
     let pass_two = PassTwo {
         scene,
         camera,
@@ -201,6 +203,7 @@ pub fn render_with_maps(
     memory.pixels = resident_memory();
     let mut statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
     statistics.take(taken);
+    statistics.times.pixels += seconds_glints;
     statistics.complete(&film, scene);
     Ok(Rendered { film, statistics, stopped: (!finished).then_some(Stop::DuringPixels) })
 }
