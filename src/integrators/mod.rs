@@ -47,12 +47,12 @@ impl EyeRay<'_> {
         Self { ray, glints: None }
     }
 
-    /// What light of a lamp counts for that the ray meets behind a chain.
+    /// What light of a lamp counts for that is met behind a chain, by the `ray` that leaves it.
     /// Counts in `rare` where that is less as it is rare.
-    fn lamp_weight(&self, chain: &glints::Chain, lamp: LightId, rare: &Cell<u64>) -> f32 {
+    fn lamp_weight(&self, chain: &glints::Chain, lamp: LightId, ray: &Ray, rare: &Cell<u64>) -> f32 {
         match &self.glints {
             Some(glints) if !chain.is_empty() => {
-                let (weight, is_rare) = glints.weight(chain, lamp);
+                let (weight, is_rare) = glints.weight(chain, lamp, ray);
                 rare.set(rare.get() + u64::from(is_rare));
                 weight
             }

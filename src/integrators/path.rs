@@ -200,8 +200,8 @@ impl PathTracer<'_> {
         for depth in first..self.max_depth {
             scratch.counters.depth_sum += 1;
             scratch.counters.path_rays += u64::from(depth > 0);
-            let (seen, rare) = (state.seen, Cell::new(0));
-            let glint = |id| seen.map_or(1.0, |(eye, chain)| eye.lamp_weight(&chain, id, &rare));
+            let (seen, ray, rare) = (state.seen, state.ray, Cell::new(0));
+            let glint = |id| seen.map_or(1.0, |(eye, chain)| eye.lamp_weight(&chain, id, &ray, &rare));
             let Some((hit, passed)) = self.scene.intersect_within(&state.ray, &mut state.medium) else {
                 let found = self.outside(state.ray.direction, state.drawn, glint);
                 out.add(state.class.part(), state.throughput * found);

@@ -137,6 +137,11 @@ impl Lamp {
         (along > 0.0).then(|| if self.is_sun { (1.0, across / along) } else { (along, across) })
     }
 
+    /// Whether a ray that meets it sees it under a small angle.
+    fn is_small(&self, ray: &Ray) -> bool {
+        self.seen_from(ray).is_some_and(|(along, _)| self.radius < NEAR * along)
+    }
+
     /// Tangent of the angle between a ray and its middle.
     fn miss(&self, ray: &Ray) -> Option<f32> {
         self.seen_from(ray).map(|(along, across)| across.length() / along)
@@ -274,10 +279,12 @@ impl<'a> Hunter<'a> {
         &self,
         camera: &CameraRay<'_>,
         chain: Chain,
-        id: LightId,
+        (id, ray): (LightId, &Ray),
         (samples, density): (f32, f32),
     ) -> f32 {
-        let Some(lamp) = self.lamps.iter().find(|lamp| lamp.id == id) else { return 1.0 };
+        // Of what is all around, many ways show some.
+        let lamp = self.lamps.iter().find(|lamp| lamp.id == id).filter(|lamp| lamp.is_small(ray));
+        let Some(lamp) = lamp else { return 1.0 };
         let area = || {
             let end = chain.follow(self.scene, camera.ray, self.camera_medium)?;
             let seen = Seen { camera, chain, ray: end.ray };

@@ -5,7 +5,7 @@ use super::hunt::{Glint, Hunter, emitted};
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::FilterSampler;
 use crate::lights::LightId;
-use crate::math::Rgb;
+use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::{Rng, warp};
 use crate::scene::Scene;
@@ -187,8 +187,8 @@ pub struct GlintView<'a> {
 }
 
 impl GlintView<'_> {
-    /// What the light of a lamp counts for that the sample meets behind a chain; and whether that is less as it is rare.
-    pub(in crate::integrators) fn weight(&self, chain: &Chain, id: LightId) -> (f32, bool) {
+    /// What the light of a lamp counts for that the sample meets behind a chain by this `ray`; and whether that is less as it is rare.
+    pub(in crate::integrators) fn weight(&self, chain: &Chain, id: LightId, ray: &Ray) -> (f32, bool) {
         let place = self.camera.place();
         let own = self.sampler.density(place.offset).0;
         let further = self.pixel.map_or(0.0, |pixel| pixel.density(chain, place.center + place.offset));
@@ -203,7 +203,7 @@ impl GlintView<'_> {
         }
         match self.samples {
             Some(samples) => {
-                let certainty = self.hunter.certainty(self.camera, *chain, id, (samples, own));
+                let certainty = self.hunter.certainty(self.camera, *chain, (id, ray), (samples, own));
                 (certainty, certainty < 1.0)
             }
             None => (1.0, false),

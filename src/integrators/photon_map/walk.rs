@@ -47,8 +47,8 @@ pub(super) fn walk_specular<const N: usize>(
         scratch.counters.depth_sum += 1;
         scratch.counters.specular_rays += u64::from(!(first || branch.is_glossy));
         scratch.counters.glossy_rays += u64::from(branch.is_glossy);
-        let (chain, rare) = (branch.chain, Cell::new(0));
-        let glint = |id| chain.map_or(1.0, |chain| camera.lamp_weight(&chain, id, &rare));
+        let (chain, ray, rare) = (branch.chain, branch.ray, Cell::new(0));
+        let glint = |id| chain.map_or(1.0, |chain| camera.lamp_weight(&chain, id, &ray, &rare));
         let Some((hit, passed)) = scene.intersect_within(&branch.ray, &mut branch.medium) else {
             let found = outside(scene, lights, branch.drawn, branch.ray.direction, glint);
             out.add(part(Aov::Emission), branch.throughput * found);
