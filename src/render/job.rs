@@ -3,7 +3,7 @@
 use super::adaptive::{Moments, SampleCounts, pilot_samples};
 use super::glints::{Glints, find_glints};
 use super::lamps_in_view::LampsInView;
-use super::maps::{ForPicture, PassOne, build_maps_from, is_worth_a_warning};
+use super::maps::{ForPicture, PassOne, build_maps_from};
 use super::memory::{MemoryError, resident_memory};
 use super::observer::Observer;
 use super::pretrace::finest_distances;
@@ -11,11 +11,11 @@ use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
 use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Resident, Statistics, Times};
+use super::warnings::warn;
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{
     AOVS, Aov, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile,
 };
-use crate::image_io::take_tile_failures;
 use crate::integrators::{
     CacheRequest, Counters, EyeRay, GlintView, Integrator, PathTracer, PhotonMapIntegrator,
     PhotonMapSettings, PhotonMaps, Scratch, ShadowCounters, ShowClasses, ShowPhotons,
@@ -435,47 +435,6 @@ fn scene_memory(scene: &Scene) -> MemoryStatistics {
         scene: resident_memory(),
         ..MemoryStatistics::default()
     }
-}
-
-fn warn(statistics: &mut Statistics, scene: &Scene) {
-    let counters = &statistics.counters;
-    let mut warnings = Vec::new();
-    if statistics.rejected_samples > 0 {
-        warnings.push(format!("{} samples were not finite and were left out", statistics.rejected_samples));
-    }
-    if is_worth_a_warning(counters.truncated, counters.camera_rays) {
-        warnings.push(format!(
-            "{} paths were cut off at {} surfaces; their light is missing (raise --max-depth)",
-            counters.truncated, statistics.settings.max_depth
-        ));
-    }
-    if is_worth_a_warning(counters.medium_mismatches, counters.interfaces) {
-        warnings.push(format!(
-            "{} times a ray met an interface in another medium than the interface states on that side: check `inside` \
-             and `outside` of the materials and the direction of normals",
-            counters.medium_mismatches
-        ));
-    }
-    if is_worth_a_warning(counters.rare_glints, counters.camera_rays) {
-        warnings.push(format!(
-            "{} times a lamp was met in glass or mirrors where the samples are too few to show how bright it is, and was dimmed \
-             by how rare that is (raise --spp, or --rounds; --glints false shows white dots)",
-            counters.rare_glints
-        ));
-    }
-    if statistics.settings.integrator == IntegratorKind::Path && scene.has_hidden_caustics() {
-        warnings.push(
-            "paths from the camera never hit a point or parallel light, so their light is missing where it comes by way \
-             of mirrors or glass; the photon map has it, or give the lights a size"
-                .to_owned(),
-        );
-    }
-    let panics = scene.embree().panics();
-    if panics > 0 {
-        warnings.push(format!("a procedural object failed {panics} times; those rays missed it"));
-    }
-    warnings.extend(take_tile_failures());
-    statistics.warnings.extend(warnings);
 }
 
 struct PixelPass<'a> {

@@ -8,7 +8,7 @@ use super::job::RenderRequest;
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{FilterSampler, PixelRect};
 use crate::lights::Light;
-use crate::math::{Ray, Rgb};
+use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::sampling::Rng;
 use crate::scene::Scene;
@@ -79,7 +79,7 @@ impl LampsInView {
             let other = sampler.sample(u.min(Vec2::splat(crate::sampling::ONE_MINUS_EPSILON)));
             let lens = camera.lens().map_or(Vec2::ZERO, |_| numbers.next_2d());
             let ray = CameraRay::new(camera, FilmPlace { offset: other.offset, ..place }, lens).ray;
-            sum += emission(scene, &ray, self.medium) * other.weight;
+            sum += scene.emission_along(&ray, self.medium) * other.weight;
         }
         sum / ((SIDE * SIDE + 1) as f32 * weight)
     }
@@ -106,16 +106,4 @@ fn seen_from(camera: &Camera, light: &Light) -> Option<(Vec3, f32)> {
         _ => return None,
     };
     (tangent < WIDEST).then_some((direction, tangent))
-}
-
-/// What a ray of the camera meets that emits.
-fn emission(scene: &Scene, ray: &Ray, mut medium: Surroundings) -> Rgb {
-    let Some((hit, _)) = scene.intersect_within(ray, &mut medium) else {
-        return scene.outside(ray.direction, |_, _| 1.0);
-    };
-    let Some(id) = scene.surface(&hit).light else { return Rgb::ZERO };
-    let Light::Area(area) = &scene.lights()[id as usize] else { return Rgb::ZERO };
-    let emitted = area.emitted(hit.is_front()) * hit.glow;
-    let medium = scene.medium(medium.medium());
-    if medium.is_clear() { emitted } else { emitted * medium.transmittance(hit.distance) }
 }

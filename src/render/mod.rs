@@ -15,6 +15,7 @@ mod saved;
 mod settings;
 mod stats;
 mod table;
+mod warnings;
 
 pub use adaptive::SampleCounts;
 pub use estimate::MemoryEstimate;

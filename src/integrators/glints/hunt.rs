@@ -5,7 +5,7 @@ use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::integrators::Scratch;
 use crate::integrators::specular::{Branch, push_children, push_specular};
 use crate::lights::{Light, LightId};
-use crate::math::{Frame, Ray, Rgb};
+use crate::math::{Frame, Ray};
 use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
@@ -25,7 +25,7 @@ const NEAR: f32 = 0.5;
 const STEPS: u32 = 8;
 const HALVINGS: u32 = 4;
 
-/// Pixels that a single step may go, and all together.
+/// Pixels that a single step may go.
 const LONGEST_STEP: f32 = 2.0;
 /// As far as glints may lie from the places that they are looked for from.
 pub const FARTHEST_GLINT: f32 = 6.0;
@@ -197,10 +197,6 @@ impl<'a> Hunter<'a> {
             let Some((hit, _)) = self.scene.intersect_within(&branch.ray, &mut branch.medium) else {
                 continue;
             };
-            let medium = self.scene.medium(branch.medium.medium());
-            if !medium.is_clear() {
-                branch.throughput *= medium.transmittance(hit.distance);
-            }
             let shading = self.scene.shading_within(&hit, branch.medium);
             if branch.depth + 1 >= self.max_depth || !shading.bsdf.has_specular() {
                 continue;
@@ -336,16 +332,4 @@ impl<'a> Hunter<'a> {
             None => lamp.is_sun,
         }
     }
-}
-
-/// What a ray behind a chain meets that emits.
-pub(super) fn emitted(scene: &Scene, end: &mut ChainEnd) -> Rgb {
-    let Some((hit, _)) = scene.intersect_within(&end.ray, &mut end.medium) else {
-        return scene.outside(end.ray.direction, |_, _| 1.0);
-    };
-    let Some(id) = scene.surface(&hit).light else { return Rgb::ZERO };
-    let Light::Area(area) = &scene.lights()[id as usize] else { return Rgb::ZERO };
-    let emitted = area.emitted(hit.is_front()) * hit.glow;
-    let medium = scene.medium(end.medium.medium());
-    if medium.is_clear() { emitted } else { emitted * medium.transmittance(hit.distance) }
 }

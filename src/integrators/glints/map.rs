@@ -1,7 +1,7 @@
 //! Glints by where they are on the picture, and camera samples drawn from them.
 
 use super::chain::Chain;
-use super::hunt::{Glint, Hunter, emitted};
+use super::hunt::{Glint, Hunter};
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::FilterSampler;
 use crate::lights::LightId;
@@ -159,8 +159,8 @@ impl PixelGlints<'_> {
                 continue;
             }
             let ray = CameraRay::new(camera, place, lens).ray;
-            let Some(mut end) = glint.chain.follow(scene, ray, medium) else { continue };
-            let found = emitted(scene, &mut end);
+            let Some(end) = glint.chain.follow(scene, ray, medium) else { continue };
+            let found = scene.emission_along(&end.ray, end.medium);
             if found == Rgb::ZERO {
                 continue;
             }

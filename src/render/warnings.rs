@@ -1,0 +1,48 @@
+//! What a user should know of a finished picture.
+
+use super::maps::is_worth_a_warning;
+use super::stats::Statistics;
+use crate::image_io::take_tile_failures;
+use crate::scene::{IntegratorKind, Scene};
+
+/// Adds what the counts tell.
+pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
+    let counters = &statistics.counters;
+    let mut warnings = Vec::new();
+    if statistics.rejected_samples > 0 {
+        warnings.push(format!("{} samples were not finite and were left out", statistics.rejected_samples));
+    }
+    if is_worth_a_warning(counters.truncated, counters.camera_rays) {
+        warnings.push(format!(
+            "{} paths were cut off at {} surfaces; their light is missing (raise --max-depth)",
+            counters.truncated, statistics.settings.max_depth
+        ));
+    }
+    if is_worth_a_warning(counters.medium_mismatches, counters.interfaces) {
+        warnings.push(format!(
+            "{} times a ray met an interface in another medium than the interface states on that side: check `inside` \
+             and `outside` of the materials and the direction of normals",
+            counters.medium_mismatches
+        ));
+    }
+    if is_worth_a_warning(counters.rare_glints, counters.camera_rays) {
+        warnings.push(format!(
+            "{} times a lamp was met in glass or mirrors where the samples are too few to show how bright it is, and was dimmed \
+             by how rare that is (raise --spp, or --rounds; --glints false shows white dots)",
+            counters.rare_glints
+        ));
+    }
+    if statistics.settings.integrator == IntegratorKind::Path && scene.has_hidden_caustics() {
+        warnings.push(
+            "paths from the camera never hit a point or parallel light, so their light is missing where it comes by way \
+             of mirrors or glass; the photon map has it, or give the lights a size"
+                .to_owned(),
+        );
+    }
+    let panics = scene.embree().panics();
+    if panics > 0 {
+        warnings.push(format!("a procedural object failed {panics} times; those rays missed it"));
+    }
+    warnings.extend(take_tile_failures());
+    statistics.warnings.extend(warnings);
+}
