@@ -46,12 +46,17 @@ impl Irradiance {
 }
 
 /// Strata of a hemisphere, each of which holds the same share of the cosine-weighted solid angle: rows of polar angle
-/// by columns of azimuth.
+/// by columns of azimuth. One ray for each, and further ones for those that most light is expected from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hemisphere {
     rows: usize,
     columns: usize,
+    further: usize,
 }
+
+/// Steps of the points of one stratum, which spread over it evenly, however many they are: Roberts, "The Unreasonable
+/// Effectiveness of Quasirandom Sequences" (2018), powers of the inverse of the plastic number.
+const LATTICE: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
 
 /// One stratum: what is seen there, and the inverse of its distance.
 #[derive(Clone, Copy, Default)]
@@ -66,12 +71,22 @@ impl Hemisphere {
         let rays = f64::from(rays.clamp(4, 1 << 20));
         let rows = ((rays / PI).sqrt().round() as usize).max(1);
         let columns = ((rays / rows as f64 / 2.0).round() as usize).max(2) * 2;
-        Self { rows, columns }
+        Self { rows, columns, further: 0 }
+    }
+
+    /// Half of so many rays for strata, the other half to be shared out among them.
+    pub fn guided(rays: u32) -> Self {
+        let even = Self::with_rays(rays / 2);
+        Self { further: (rays as usize).saturating_sub(even.strata()), ..even }
+    }
+
+    fn strata(&self) -> usize {
+        self.rows * self.columns
     }
 
     /// Count of rays.
     pub fn len(&self) -> usize {
-        self.rows * self.columns
+        self.strata() + self.further
     }
 
     /// Never.
@@ -79,30 +94,70 @@ impl Hemisphere {
         false
     }
 
-    /// Sends one ray through each stratum: `look` takes its direction around +z and one number in `[0, 1)` for choices on
-    /// the way, and says what it sees.
+    /// Direction of the point `u` of a stratum.
+    #[inline]
+    fn direction(&self, stratum: usize, u: Vec2) -> Vec3 {
+        let (row, column) = (stratum / self.columns, stratum % self.columns);
+        // Square of the sine: uniform for directions in proportion to their cosine. Below one by more than rounding.
+        let sin_squared = ((row as f32 + u.x) / self.rows as f32).min(1.0 - f32::EPSILON);
+        let azimuth = Vec2::from_angle(std::f32::consts::TAU * (column as f32 + u.y) / self.columns as f32);
+        (azimuth * sin_squared.sqrt()).extend((1.0 - sin_squared).sqrt())
+    }
+
+    /// Rays of each stratum: one, and of the further ones as many as is in proportion to how much light is `expected` from its
+    /// middle. Shares that are not whole are rounded by systematic sampling.
+    fn share_out(&self, offset: f32, expected: impl Fn(Vec3) -> f32) -> Vec<u32> {
+        if self.further == 0 {
+            return vec![1; self.strata()];
+        }
+        let shares: Vec<f64> = (0..self.strata())
+            .map(|stratum| f64::from(expected(self.direction(stratum, Vec2::splat(0.5)))))
+            .map(|share| if share > 0.0 && share.is_finite() { share } else { 0.0 })
+            .collect();
+        let total: f64 = shares.iter().sum();
+        // Nothing to go by: all alike.
+        let (even, scale) = if total > 0.0 { (0.0, 1.0 / total) } else { (1.0 / shares.len() as f64, 0.0) };
+        let mut given = f64::from(offset);
+        let further = |share: f64| {
+            let before = given.floor();
+            given += (even + share * scale) * self.further as f64;
+            (given.floor() - before) as u32
+        };
+        shares.into_iter().map(further).map(|further| 1 + further).collect()
+    }
+
+    /// Sends rays through all strata: `look` takes the direction of one around +z and a number in `[0, 1)` for choices on the
+    /// way, and says what it sees. How much light is `expected` from a direction, in any unit, decides where the further
+    /// rays go, and so the noise, not the mean.
     ///
     /// The gradients are those of section 3 of Ward & Heckbert 1992. A uniform hemisphere gives gradients of exactly
     /// zero.
-    pub fn gather(&self, rng: &mut Rng, mut look: impl FnMut(Vec3, f32) -> Seen) -> Irradiance {
+    pub fn gather(
+        &self,
+        rng: &mut Rng,
+        expected: impl Fn(Vec3) -> f32,
+        mut look: impl FnMut(Vec3, f32) -> Seen,
+    ) -> Irradiance {
         let (m, n) = (self.rows, self.columns);
         let mut cells = vec![Cell::default(); m * n];
         let (mut sum, mut inverse, mut nearest) = (DVec3::ZERO, 0.0, f32::INFINITY);
-        for (index, cell) in cells.iter_mut().enumerate() {
-            let (j, k) = (index / n, index % n);
-            let u = rng.next_2d();
-            // Square of the sine: uniform for directions in proportion to their cosine. Below one by more than rounding.
-            let sin_squared = ((j as f32 + u.x) / m as f32).min(1.0 - f32::EPSILON);
-            let azimuth = Vec2::from_angle(std::f32::consts::TAU * (k as f32 + u.y) / n as f32);
-            let direction = (azimuth * sin_squared.sqrt()).extend((1.0 - sin_squared).sqrt());
-            let seen = look(direction, rng.next_f32());
+        let rays = self.share_out(rng.next_f32(), expected);
+        for (stratum, (cell, &rays)) in cells.iter_mut().zip(&rays).enumerate() {
+            let offset = rng.next_2d();
+            let mut of_cell = Cell::default();
+            for ray in 0..rays {
+                let u = (offset + ray as f32 * LATTICE).fract();
+                let seen = look(self.direction(stratum, u), rng.next_f32());
+                of_cell.radiance += seen.radiance.as_dvec3();
+                of_cell.inverse_distance += f64::from(1.0 / seen.distance.max(f32::MIN_POSITIVE));
+                inverse += f64::from(1.0 / seen.nearest.max(f32::MIN_POSITIVE)) / f64::from(rays);
+                nearest = nearest.min(seen.nearest);
+            }
             *cell = Cell {
-                radiance: seen.radiance.as_dvec3(),
-                inverse_distance: f64::from(1.0 / seen.distance.max(f32::MIN_POSITIVE)),
+                radiance: of_cell.radiance / f64::from(rays),
+                inverse_distance: of_cell.inverse_distance / f64::from(rays),
             };
             sum += cell.radiance;
-            inverse += f64::from(1.0 / seen.nearest.max(f32::MIN_POSITIVE));
-            nearest = nearest.min(seen.nearest);
         }
         let count = (m * n) as f64;
         Irradiance {
@@ -201,11 +256,15 @@ mod tests {
         for rays in [16, 100, 256, 1000] {
             for index in 0..20 {
                 let mut distances = rng(1000 + index);
-                let found = Hemisphere::with_rays(rays).gather(&mut rng(index), |direction, u| {
-                    assert!(direction.z > 0.0 && (direction.length() - 1.0).abs() < 1e-5 && u < 1.0);
-                    let r = 0.1 + distances.next_f32();
-                    Seen { radiance, nearest: r, distance: r }
-                });
+                let found = Hemisphere::with_rays(rays).gather(
+                    &mut rng(index),
+                    |_| 1.0,
+                    |direction, u| {
+                        assert!(direction.z > 0.0 && (direction.length() - 1.0).abs() < 1e-5 && u < 1.0);
+                        let r = 0.1 + distances.next_f32();
+                        Seen { radiance, nearest: r, distance: r }
+                    },
+                );
                 assert_eq!(found.shift, Mat3::ZERO);
                 assert_eq!(found.tilt, Mat3::ZERO);
                 let want = (radiance.as_dvec3() * PI).as_vec3();
@@ -213,6 +272,63 @@ mod tests {
                 assert!(found.nearest >= 0.1 && found.harmonic > found.nearest && found.harmonic < 1.1);
             }
         }
+    }
+
+    #[test]
+    fn further_rays_are_all_sent_and_keep_what_is_uniform() {
+        let radiance = Rgb::new(0.3, 1.7, 1e-3);
+        let expectations: [fn(Vec3) -> f32; 5] =
+            [|_| 1.0, |d| d.x.max(0.0), |d| (d.z - 0.99).max(0.0), |_| 0.0, |_| f32::NAN];
+        for (index, expected) in expectations.into_iter().enumerate() {
+            for rays in [8, 64, 500] {
+                let hemisphere = Hemisphere::guided(rays);
+                let mut sent = 0;
+                let found = hemisphere.gather(&mut rng(index as u64), expected, |direction, _| {
+                    sent += 1;
+                    assert!(direction.z > 0.0);
+                    Seen { radiance, nearest: 1.0, distance: 1.0 }
+                });
+                // Systematic sampling gives away all but what rounding of the last share leaves.
+                assert!(hemisphere.len() - sent <= 1, "{sent} of {hemisphere:?}");
+                assert!(hemisphere.len().abs_diff(rays as usize) <= 1 || rays < 64, "{hemisphere:?}");
+                assert!(found.shift == Mat3::ZERO && found.tilt == Mat3::ZERO);
+                let want = (radiance.as_dvec3() * PI).as_vec3();
+                assert!(((found.value - want) / want).abs().max_element() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn further_rays_where_light_comes_from_change_the_noise_alone() {
+        // A small bright disc and a dim rest; what is expected is right, nothing of the kind, or wrong.
+        let centre = Vec3::new(0.6, 0.0, 0.8);
+        let look = |direction: Vec3, _: f32| {
+            let bright = direction.dot(centre) > 0.99;
+            let radiance = if bright { Rgb::splat(50.0) } else { Rgb::splat(0.5 + 0.4 * direction.x) };
+            Seen { radiance, nearest: 1.0, distance: 1.0 }
+        };
+        let spread = |hemisphere: Hemisphere, expected: &dyn Fn(Vec3) -> f32| {
+            let count = 4000;
+            let (mut sum, mut squares) = (0.0, 0.0);
+            for index in 0..count {
+                let found = f64::from(hemisphere.gather(&mut rng(index), expected, look).value.x);
+                sum += found;
+                squares += found * found;
+            }
+            let mean = sum / count as f64;
+            (mean, (squares / count as f64 - mean * mean).sqrt())
+        };
+        // The disc has the projected area pi sin^2 cos; all else integrates to pi / 2 but for where the disc is.
+        let area = PI * (1.0 - 0.99f64.powi(2)) * 0.8;
+        let want = 0.5 * PI + area * (50.0 - (0.5 + 0.4 * 0.6 * 0.995));
+        let even = spread(Hemisphere::with_rays(256), &|_| 1.0);
+        let right = spread(Hemisphere::guided(256), &|d| if d.dot(centre) > 0.97 { 1.0 } else { 0.02 });
+        let wrong = spread(Hemisphere::guided(256), &|d| f32::from(d.x < 0.0));
+        println!("want {want}: even {even:?}, right {right:?}, wrong {wrong:?}");
+        for (mean, deviation) in [even, right, wrong] {
+            assert!((mean - want).abs() < 4.0 * deviation / 4000f64.sqrt() + 2e-3 * want, "{mean} {want}");
+        }
+        assert!(right.1 < 0.5 * even.1, "{right:?} {even:?}");
     }
 
     /// Irradiance of a disc of `radius` and radiance 1 at height `h`, parallel to the receiver, whose axis passes `x` away:
@@ -241,7 +357,7 @@ mod tests {
     fn mean(rays: u32, count: u64, look: impl Fn(Vec3, f32) -> Seen) -> (f64, [f64; 2], [f64; 2]) {
         let (mut value, mut shift, mut tilt) = (0.0, [0.0; 2], [0.0; 2]);
         for index in 0..count {
-            let found = Hemisphere::with_rays(rays).gather(&mut rng(index), &look);
+            let found = Hemisphere::with_rays(rays).gather(&mut rng(index), |_| 1.0, &look);
             let part = |v: f32| f64::from(v) / count as f64;
             value += part(found.value.x);
             shift = [shift[0] + part(found.shift.x_axis.x), shift[1] + part(found.shift.y_axis.x)];
@@ -295,11 +411,11 @@ mod tests {
             let r = if direction.x > 0.0 { 2.0 / direction.x } else { f32::INFINITY };
             Seen { radiance: Rgb::ZERO, nearest: r, distance: r }
         };
-        let found = Hemisphere::with_rays(4000).gather(&mut rng(0), look);
+        let found = Hemisphere::with_rays(4000).gather(&mut rng(0), |_| 1.0, look);
         let want = 2.0 * 1.5 * PI;
         assert!((f64::from(found.harmonic) / want - 1.0).abs() < 0.02, "{}", found.harmonic);
         assert!((2.0..2.1).contains(&found.nearest));
-        let empty = Hemisphere::with_rays(64).gather(&mut rng(0), |_, _| Seen::NOTHING);
+        let empty = Hemisphere::with_rays(64).gather(&mut rng(0), |_| 1.0, |_, _| Seen::NOTHING);
         assert!(empty.harmonic == f32::INFINITY && empty.value == Rgb::ZERO && empty.shift == Mat3::ZERO);
     }
 }

@@ -8,8 +8,12 @@ use crate::media::Surroundings;
 use glam::{Mat3, Vec3};
 
 /// How much farther a record reaches when a picture is read from the cache than when the cache is filled, so that places
-/// have several records around them and no record ends with a step.
-const OVERLAP: f32 = 1.4;
+/// have several records around them and no record ends with a step. Twice as far a place has four times as many, whose noise
+/// is averaged; beyond that what is gained in noise is lost in detail (docs/results.md).
+const OVERLAP: f32 = 2.0;
+
+/// The least of that where other surfaces limit how far a record is read.
+const LEAST_OVERLAP: f32 = 1.4;
 
 /// Least reach of a record in pixels, and as a share of the scene's radius; the smaller of the two counts. Near other surfaces
 /// half of that is enough.
@@ -18,8 +22,9 @@ const LEAST_REACH: (f32, f32) = (2.0, 0.02);
 /// Largest reach of a record, in the same measures.
 const LARGEST_REACH: (f32, f32) = (20.0, 0.2);
 
-/// Height over or under the plane of a record, as a share of its reach, from which on a place is another surface.
-const LARGEST_STEP: f32 = 0.1;
+/// Height over or under the plane of a record, as a share of its reach while the cache is filled, from which on a place is
+/// another surface.
+const LARGEST_STEP: f32 = 0.14;
 
 /// How a cache is filled and read.
 #[derive(Clone, Copy, Debug)]
@@ -66,15 +71,17 @@ struct Reach {
 #[derive(Clone, Debug)]
 struct Reaches {
     settings: CacheSettings,
+    /// By how much farther they reach than the error allows: [`OVERLAP`] where the cache is read, one where it is filled.
+    overlap: f32,
     tree: Octree,
     all: Vec<Reach>,
 }
 
 impl Reaches {
-    fn new(settings: CacheSettings) -> Self {
+    fn new(settings: CacheSettings, overlap: f32) -> Self {
         let (centre, radius) = settings.bounds;
         // Larger than the scene by what rounding may do to a hit on its border.
-        Self { settings, tree: Octree::new(centre, radius * 1.01), all: Vec::new() }
+        Self { settings, overlap, tree: Octree::new(centre, radius * 1.01), all: Vec::new() }
     }
 
     fn push(&mut self, place: &Place, radius: f32) {
@@ -86,16 +93,16 @@ impl Reaches {
         self.tree.insert(index, (position, radius), sphere_of);
     }
 
-    /// Whether a record is near enough that none more is needed.
+    /// Whether a record reaches a place.
     fn covers(&self, position: Vec3, normal: Vec3, medium: Surroundings) -> bool {
-        self.tree.at(position).iter().any(|&index| {
-            self.relative_error(&self.all[index as usize], position, normal, medium)
-                .is_some_and(|error| error * OVERLAP < 1.0)
-        })
+        self.tree
+            .at(position)
+            .iter()
+            .any(|&index| self.relative_error(&self.all[index as usize], position, normal, medium).is_some())
     }
 
-    /// Error of the record at a place in units of the largest that is read; `None` where it is more than one, or the
-    /// record is of another surface.
+    /// Error of the record at a place in units of the largest; `None` where it is more than one, or the record is of another
+    /// surface.
     #[inline]
     fn relative_error(
         &self,
@@ -110,24 +117,26 @@ impl Reaches {
             return None;
         }
         let turned = (1.0 - normal.dot(reach.normal)).max(0.0);
-        let error = distance_squared.sqrt() / reach.radius + turned.sqrt() / (OVERLAP * self.settings.error);
+        let error =
+            distance_squared.sqrt() / reach.radius + turned.sqrt() / (self.overlap * self.settings.error);
         if error >= 1.0 {
             return None;
         }
         // In front of the record or behind it, as on the next step of a stair. Along a curved surface the mean normal is
         // at right angles to the way.
         let step = 0.5 * offset.dot(normal + reach.normal);
-        (step.abs() <= LARGEST_STEP * reach.radius).then_some(error)
+        (step.abs() * self.overlap <= LARGEST_STEP * reach.radius).then_some(error)
     }
 
-    /// How far a record reaches when it is read: by the error allowed, within limits of what a pixel shows, and no
-    /// farther than the nearest surface it saw, behind which it knows nothing, but for about a pixel.
+    /// How far a record reaches: by the error allowed, within limits of what a pixel shows; and when it is read, no farther
+    /// than the nearest surface it saw, behind which it knows nothing, but for about a pixel.
     fn radius(&self, place: &Place, harmonic: f32, nearest: f32) -> f32 {
         let limit =
             |(pixels, share): (f32, f32)| (pixels * place.footprint).min(share * self.settings.bounds.1);
         let low = limit(LEAST_REACH);
         let allowed = (self.settings.error * harmonic).clamp(low, limit(LARGEST_REACH).max(low));
-        (OVERLAP * allowed).min(nearest.max(0.5 * low))
+        let open = nearest.max(0.5 * low) * (self.overlap / LEAST_OVERLAP).min(1.0);
+        (self.overlap * allowed).min(open)
     }
 }
 
@@ -148,7 +157,7 @@ pub struct IrradianceCache {
 
 impl IrradianceCache {
     fn new(settings: CacheSettings) -> Self {
-        Self { reaches: Reaches::new(settings), linears: Vec::new() }
+        Self { reaches: Reaches::new(settings, OVERLAP), linears: Vec::new() }
     }
 
     /// Count of records.
@@ -222,7 +231,7 @@ pub struct Filling {
     records: Vec<Record>,
     harmonic: Neighbours,
     nearest: Neighbours,
-    cache: IrradianceCache,
+    reaches: Reaches,
     rejected: u64,
 }
 
@@ -233,20 +242,20 @@ impl Filling {
             records: Vec::new(),
             harmonic: Neighbours::default(),
             nearest: Neighbours::default(),
-            cache: IrradianceCache::new(settings),
+            reaches: Reaches::new(settings, 1.0),
             rejected: 0,
         }
     }
 
     /// Whether a record is needed at a place: no accepted one reaches it.
     pub fn wants(&self, place: &Place) -> bool {
-        !self.cache.reaches.covers(place.position, place.normal, place.medium)
+        !self.reaches.covers(place.position, place.normal, place.medium)
     }
 
     /// Numbers of those of `places` that are to be computed: one by one in their order, those that neither an accepted
     /// record reaches nor, as far as the neighbours let one foresee, one of those chosen before.
     pub fn choose(&self, places: &[Place]) -> Vec<usize> {
-        let mut reaches = self.cache.reaches.clone();
+        let mut reaches = self.reaches.clone();
         let mut chosen = Vec::new();
         for (number, place) in places.iter().enumerate() {
             if place.position.is_finite() && !reaches.covers(place.position, place.normal, place.medium) {
@@ -274,11 +283,11 @@ impl Filling {
         self.harmonic = measured(|irradiance| irradiance.harmonic);
         self.nearest = measured(|irradiance| irradiance.nearest);
         let (harmonic, nearest) = (self.harmonic.clamped(), self.nearest.clamped());
-        self.cache = IrradianceCache::new(self.cache.reaches.settings);
+        let mut reaches = Reaches::new(self.reaches.settings, 1.0);
         for (i, record) in self.records.iter().enumerate() {
-            let radius = self.cache.reaches.radius(&record.place, harmonic[i], nearest[i]);
-            self.cache.push(record, radius, harmonic[i]);
+            reaches.push(&record.place, reaches.radius(&record.place, harmonic[i], nearest[i]));
         }
+        self.reaches = reaches;
     }
 
     /// Count of records that were not finite.
@@ -286,9 +295,15 @@ impl Filling {
         self.rejected
     }
 
-    /// The cache so far.
+    /// The cache of the records so far.
     pub fn finish(self) -> IrradianceCache {
-        self.cache
+        let (harmonic, nearest) = (self.harmonic.clamped(), self.nearest.clamped());
+        let mut cache = IrradianceCache::new(self.reaches.settings);
+        for (i, record) in self.records.iter().enumerate() {
+            let radius = cache.reaches.radius(&record.place, harmonic[i], nearest[i]);
+            cache.push(record, radius, harmonic[i]);
+        }
+        cache
     }
 }
 
@@ -372,7 +387,7 @@ mod tests {
     fn other_surfaces_are_not_reached() {
         let cache = filled(std::iter::once(record(Vec3::ZERO, Rgb::ONE)));
         let reach = cache.reaches().next().unwrap().1;
-        assert!((reach - 1.4 * 0.1).abs() < 1e-6);
+        assert!((reach - 2.0 * 0.1).abs() < 1e-6);
         let near = Vec3::new(0.02, 0.0, 0.0);
         assert!(cache.interpolate(near, Vec3::Z, IN_AIR).is_some());
         assert!(cache.interpolate(near, Vec3::NEG_Z, IN_AIR).is_none());

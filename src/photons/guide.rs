@@ -305,7 +305,38 @@ pub struct GuideLobe<'a> {
     frame: Frame,
 }
 
+/// A distribution of directions at one place, of the photons nearest to just that; where it is asked so often that a search
+/// of its own pays.
+#[derive(Clone, Copy, Debug)]
+pub struct LocalGuide(Record);
+
+impl LocalGuide {
+    /// From the photons of `map` around `position` on a surface that faces the unit geometric `normal`.
+    /// [`GuideParams::per_cell`] has no say.
+    pub fn new(
+        map: &PhotonMap,
+        params: &GuideParams,
+        position: Vec3,
+        normal: Vec3,
+        scratch: &mut Scratch,
+    ) -> Self {
+        Self(record(map, params, position, normal, scratch))
+    }
+
+    /// Turned to the unit `shading` normal; `None` where that faces away.
+    pub fn turned(&self, shading: Vec3) -> Option<GuideLobe<'_>> {
+        Some(GuideLobe { square: &self.0.square, frame: turned(self.0.normal, shading)? })
+    }
+}
+
 impl GuideLobe<'_> {
+    /// By how much more often than a Lambertian surface does this draws the unit `direction`; zero below the surface.
+    #[inline]
+    pub fn over_lambert(&self, direction: Vec3) -> f32 {
+        let wi = self.frame.to_local(direction);
+        if wi.z > 0.0 { self.square.density(disc_to_square(wi.truncate())) } else { 0.0 }
+    }
+
     /// A direction for `u` in `[0, 1)^2`: in world axes, its cosine to the shading normal, above zero, and its density
     /// per solid angle, 1/sr.
     #[inline]
@@ -318,11 +349,8 @@ impl GuideLobe<'_> {
     /// Density per solid angle, 1/sr, with which [`Self::sample`] draws the unit `direction`; zero below the surface.
     #[inline]
     pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
-        let wi = self.frame.to_local(direction);
-        if !(wi.z > 0.0) {
-            return 0.0;
-        }
-        self.square.density(disc_to_square(wi.truncate())) * wi.z * FRAC_1_PI
+        let cos = direction.dot(self.frame.z);
+        self.over_lambert(direction) * cos.max(0.0) * FRAC_1_PI
     }
 }
 

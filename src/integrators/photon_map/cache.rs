@@ -9,8 +9,9 @@ use crate::camera::Camera;
 use crate::film::Aov;
 use crate::integrators::{Counters, EyeRay, Scratch};
 use crate::math::{Frame, Rgb};
+use crate::photons::{GuideParams, LocalGuide, PhotonClass, PhotonClasses};
 use crate::sampling::{Rng, SampleStream, Stream, mix};
-use glam::{Mat3, Vec2};
+use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
 
@@ -19,6 +20,9 @@ const COARSEST: u32 = 32;
 
 /// Rays of a hemisphere in a dense batch, unless fewer are asked for.
 const LEAST_RAYS: u32 = 64;
+
+/// Photons that tell a hemisphere where light comes from. More tell little more, and take longer to find.
+const GUIDING_PHOTONS: usize = 256;
 
 /// What the cache is filled for.
 #[derive(Clone, Copy, Debug)]
@@ -242,27 +246,26 @@ impl PhotonMapIntegrator<'_> {
                 let pixel = u64::from(y) << 32 | u64::from(x);
                 let rng =
                     Rng::new(request.seed, Stream::IrradianceCache, mix(pixel) ^ u64::from(found.number));
-                let irradiance = self.hemisphere(vertex, Hemisphere::with_rays(rays), rng, scratch);
+                let irradiance = self.hemisphere(vertex, rays, rng, scratch);
                 record = Some(Record { place: found.place, irradiance });
             }
         });
         record
     }
 
-    fn hemisphere(
-        &self,
-        vertex: &Vertex<'_>,
-        hemisphere: Hemisphere,
-        mut rng: Rng,
-        scratch: &mut Scratch,
-    ) -> Irradiance {
+    /// Where photons tell where light comes from, half of the rays go to where that is most.
+    fn hemisphere(&self, vertex: &Vertex<'_>, rays: u32, mut rng: Rng, scratch: &mut Scratch) -> Irradiance {
         let Vertex { hit, shading, .. } = *vertex;
         // Turned at random, so that the strata of neighbours do not line up.
         let frame = Frame::from_z(shading.frame.z);
         let (sin, cos) = (TAU * rng.next_f32()).sin_cos();
         let axes = Mat3::from_cols(frame.x * cos + frame.y * sin, frame.y * cos - frame.x * sin, frame.z);
         let weight = vertex.weight * shading.bsdf.albedo(shading.wo_local).max_element();
-        let irradiance = hemisphere.gather(&mut rng, |local, u| {
+        let guide = self.local_guide(vertex, scratch);
+        let lobe = guide.as_ref().and_then(|guide| guide.turned(shading.frame.z));
+        let hemisphere = if lobe.is_some() { Hemisphere::guided(rays) } else { Hemisphere::with_rays(rays) };
+        let expected = |local: Vec3| lobe.as_ref().map_or(1.0, |lobe| lobe.over_lambert(axes * local));
+        let irradiance = hemisphere.gather(&mut rng, expected, |local, u| {
             let direction = axes * local;
             let Some(medium) = self.scene.medium_after(vertex.medium, hit, shading, direction, false) else {
                 return Seen::NOTHING;
@@ -273,6 +276,23 @@ impl PhotonMapIntegrator<'_> {
             Seen { radiance: found.indirect, nearest: found.nearest, distance: found.distance }
         });
         irradiance.turned(axes)
+    }
+}
+
+impl PhotonMapIntegrator<'_> {
+    /// Where the photons around a vertex came from; `None` without photons.
+    fn local_guide(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Option<LocalGuide> {
+        let map = self.maps.global.as_ref().filter(|map| !map.is_empty())?;
+        let params = GuideParams {
+            classes: PhotonClasses::only(PhotonClass::Indirect),
+            nearest: GUIDING_PHOTONS,
+            per_cell: 0,
+            floor: 0.0,
+            region: self.settings.region,
+            max_radius: self.settings.max_radius,
+        };
+        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
+        Some(LocalGuide::new(map, &params, position, normal, &mut scratch.photons))
     }
 }
 
