@@ -2,7 +2,7 @@ use super::domain::KernelDomain;
 use super::estimate::EstimateParams;
 use super::kd_tree::{KdTree, Point};
 use super::map::{MIN_NORMAL_COS, NearestOne, PhotonMap, Query, Scratch, index_of};
-use super::photon::{Acceptance, PhotonClasses, normal_code};
+use super::photon::{Acceptance, PhotonClass, PhotonClasses, normal_code};
 use crate::math::{Rgb, Rgbe};
 use crate::sampling::mix;
 use glam::Vec3;
@@ -79,19 +79,41 @@ impl PhotonMap {
         stride: usize,
         domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
     ) -> IrradianceMap {
-        self.precompute_parts(template, params, stride, domain, &|| false)
+        self.precompute_parts(template, params, (stride, f32::INFINITY), (domain, |_, _, _| None), &|| false)
     }
 
-    /// [`Self::precompute_irradiance_visible`]; `None` once `stop` says so, which then must go on saying so.
+    /// [`Self::precompute_irradiance_visible`], of light that was reflected before; where `direct` tells the irradiance
+    /// straight from the lights (number of the point, position, normal), with that in place of the photons of that light.
+    /// Where it tells none, photons tell. `None` once `stop` says so, which then must go on saying so.
+    ///
+    /// A point at a photon of direct light then takes no part in its own estimate, and a place's missing photons are
+    /// fewer by as much: without bias as well.
     pub fn precompute_irradiance_until(
         &self,
         template: &Query,
         params: &EstimateParams,
         stride: usize,
         domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        direct: impl Fn(u64, Vec3, Vec3) -> Option<Rgb> + Sync,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<IrradianceMap> {
-        let map = self.precompute_parts(template, params, stride, domain, stop);
+        let parts = (domain, direct);
+        let map = self.precompute_parts(template, params, (stride, f32::INFINITY), parts, stop);
+        (!stop()).then_some(map)
+    }
+
+    /// [`Self::precompute_irradiance_visible`], for places no farther from a point than this `share` of the radius of its
+    /// estimate ([`IrradianceMap::near`]). `None` once `stop` says so, which then must go on saying so.
+    pub fn precompute_irradiance_near(
+        &self,
+        template: &Query,
+        params: &EstimateParams,
+        (stride, share): (usize, f32),
+        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Option<IrradianceMap> {
+        let parts = (domain, |_, _, _| None);
+        let map = self.precompute_parts(template, params, (stride, share), parts, stop);
         (!stop()).then_some(map)
     }
 
@@ -99,10 +121,15 @@ impl PhotonMap {
         &self,
         template: &Query,
         params: &EstimateParams,
-        stride: usize,
-        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        (stride, share): (usize, f32),
+        (domain, direct): (
+            impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+            impl Fn(u64, Vec3, Vec3) -> Option<Rgb> + Sync,
+        ),
         stop: &(dyn Fn() -> bool + Sync),
     ) -> IrradianceMap {
+        let reflected =
+            PhotonClasses::only(PhotonClass::Indirect).and(PhotonClasses::only(PhotonClass::Caustic));
         let stride = stride.max(1);
         let points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
@@ -114,20 +141,23 @@ impl PhotonMap {
                     let (irradiance, reach) = (Rgbe::default(), 0.0);
                     return IrradiancePoint { position: photon.position, irradiance, reach, normal: 0 };
                 }
-                let query = template.at(photon.position, normal);
+                let by_lights = direct(i as u64, photon.position, normal);
+                let classes = if by_lights.is_some() { reflected } else { template.classes };
+                let query = Query { classes, ..template.at(photon.position, normal) };
                 let reach = Cell::new(f32::INFINITY);
-                let irradiance = self
-                    .estimate_irradiance_visible(&query, params, scratch, |radius| {
-                        let domain = domain(photon.position, normal, radius);
-                        reach.set(domain.as_ref().map_or(f32::INFINITY, KernelDomain::least_reach));
-                        domain
-                    })
-                    .value;
+                let by_photons = self.estimate_irradiance_visible(&query, params, scratch, |radius| {
+                    let domain = domain(photon.position, normal, radius);
+                    reach.set(domain.as_ref().map_or(f32::INFINITY, KernelDomain::least_reach));
+                    domain
+                });
+                let irradiance = by_photons.value + by_lights.unwrap_or(Rgb::ZERO);
+                // Not a number, which counts as infinite, where the share is infinite and the radius zero.
+                let reach = reach.get().min(share * by_photons.radius);
                 let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
                 IrradiancePoint {
                     position: photon.position,
                     irradiance: Rgbe::encode_dithered(irradiance, dither),
-                    reach: reach.get(),
+                    reach,
                     normal: normal_code(normal),
                 }
             })
@@ -183,6 +213,20 @@ impl IrradianceMap {
         self.tree.memory_bytes() + self.values.capacity() * size_of::<(Rgbe, f32)>()
     }
 
+    /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit vector
+    /// `normal` ([`MIN_NORMAL_COS`]), within `max_radius`; `None` where that is farther than it answers for.
+    pub fn near(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
+        let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
+        let mut visitor = NearestOne::new(max_radius, |_, normal, distance_squared, _| {
+            acceptance.accepts(normal).then_some(distance_squared)
+        });
+        self.tree.search(position, &mut visitor);
+        let index = index_of(visitor.best()?);
+        let (irradiance, reach) = self.values[index];
+        let reaches = self.tree.position(index).distance_squared(position) <= reach * reach;
+        reaches.then(|| irradiance.decode())
+    }
+
     /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit
     /// vector `normal` ([`MIN_NORMAL_COS`]) and which nothing separates from there: a point at the foot of a wall does not
     /// answer for what lies behind the wall. Where all are so close to something, the nearest. `None` where there is
@@ -207,7 +251,7 @@ impl IrradianceMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::photons::{Estimator, Kernel, Photon, PhotonClass};
+    use crate::photons::{Estimator, Kernel, Photon};
     use crate::sampling::{Rng, Stream};
 
     fn square(count: u64, seed: u64) -> PhotonMap {
@@ -244,6 +288,66 @@ mod tests {
             assert!((mean - 1.0).abs() < 0.01, "stride {stride}: {mean}");
             println!("stride {stride}: {mean}");
         }
+    }
+
+    #[test]
+    fn direct_light_in_place_of_its_photons_has_no_bias() {
+        // Half of the photons are of direct light, which is told: irradiance of each half is 0.25 in green.
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        let (mut sum, mut count) = (0.0, 0);
+        for seed in 0..40 {
+            let classes = [PhotonClass::Direct, PhotonClass::Indirect];
+            let photons = square(20_000, seed).photons().collect::<Vec<_>>();
+            let photons = photons.iter().enumerate().map(|(i, photon)| {
+                let class = classes[(mix(i as u64) & 1) as usize];
+                Photon::new(photon.position, photon.power(), Vec3::Y, Vec3::Y, class, 0.0)
+            });
+            let map = PhotonMap::build(photons.collect(), 20_000);
+            // Nothing is told of one corner, where photons of both kinds serve.
+            let direct = |_, at: Vec3, _| (at.x + at.z > 0.8).then_some(Rgb::splat(0.25));
+            let irradiance = map
+                .precompute_irradiance_until(&template(50), &params, 4, |_, _, _| None, direct, &|| false)
+                .unwrap();
+            let mut rng = Rng::new(seed, Stream::Measure, 1 << 40);
+            for _ in 0..5000 {
+                let u = rng.next_2d() * 0.7 + 0.15;
+                sum += f64::from(irradiance.nearest(Vec3::new(u.x, 0.01, u.y), Vec3::Y, 1.0).unwrap().y);
+                count += 1;
+            }
+        }
+        let mean = sum / f64::from(count) / 0.5;
+        println!("mean {mean}");
+        assert!((mean - 1.0).abs() < 0.01, "{mean}");
+    }
+
+    #[test]
+    fn points_answer_for_what_is_near_them() {
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        let map = square(20_000, 3);
+        let share = 0.4;
+        let points = map
+            .precompute_irradiance_near(&template(50), &params, (4, share), |_, _, _| None, &|| false)
+            .unwrap();
+        // Estimates reach 0.028, so that points answer within 0.011.
+        let places: Vec<Vec3> = (0..5000)
+            .map(|i| {
+                let u = Rng::new(9, Stream::Measure, i).next_2d() * 0.7 + 0.15;
+                Vec3::new(u.x, 0.0, u.y)
+            })
+            .collect();
+        let told: Vec<f64> = places
+            .iter()
+            .filter_map(|at| points.near(*at, Vec3::Y, 1.0).map(|irradiance| f64::from(irradiance.y)))
+            .collect();
+        let mean = told.iter().sum::<f64>() / told.len() as f64 / 0.5;
+        println!("{} of {} told, mean {mean}", told.len(), places.len());
+        assert!((mean - 1.0).abs() < 0.03, "{mean}");
+        // Poisson: a share of 1 - exp(-5000 pi (0.4 0.028)^2) = 0.86.
+        let share = told.len() as f64 / places.len() as f64;
+        assert!((0.8..0.92).contains(&share), "{share}");
+        let beside = Vec3::new(0.5, 0.0, -0.02);
+        assert_eq!(points.near(beside, Vec3::Y, 1.0), None, "beyond the reach of every point");
+        assert_eq!(points.near(places[0], Vec3::X, 1.0), None, "on a wall");
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub use file::{
     PHOTON_FILE_VERSION, PhotonFile, PhotonFileError, PhotonFileProblem, SavedPhotons, read_photon_file,
     read_photon_maps, write_photon_file,
 };
-pub use guide::{DirectionGuide, GuideLobe, GuideParams};
+pub use guide::{DirectionGuide, GuideLobe, GuideParams, LocalGuide};
 pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_deposits};
 pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};

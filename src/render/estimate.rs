@@ -1,6 +1,6 @@
 //! What a render takes of the machine's memory, found out before meshes are read and photons traced.
 
-use super::memory::{MemoryError, PhotonCounts, at_worst, available_memory, finished};
+use super::memory::{MemoryError, PhotonCounts, Precomputed, at_worst, available_memory, finished};
 use super::settings::Settings;
 use crate::scene::RenderPlan;
 use crate::scene_file::{SceneDescription, mesh_sizes};
@@ -59,7 +59,7 @@ impl MemoryEstimate {
     #[must_use]
     pub fn with_photons(self, settings: &Settings, plan: &RenderPlan) -> Self {
         let counts = PhotonCounts::of(settings, plan);
-        let irradiance = plan.final_gather.build && settings.precomputed_irradiance;
+        let irradiance = Precomputed::of(settings, plan);
         let photons = finished(counts, irradiance) as u64;
         Self { photons, tracing: (at_worst(counts, irradiance) as u64).saturating_sub(photons), ..self }
     }

@@ -401,7 +401,7 @@ pub(super) fn statistics(
         threads: rayon::current_num_threads(),
         samples: 0,
         seconds_irradiance: pass_one.seconds_irradiance,
-        irradiance_bytes: pass_one.maps.irradiance.as_ref().map_or(0, |map| map.memory_bytes() as u64),
+        irradiance_bytes: pass_one.maps.irradiance_bytes(),
         guide_bytes: pass_one.maps.guide.as_ref().map_or(0, |guide| guide.memory_bytes() as u64),
         maps: pass_one.statistics,
         photon_map_file: pass_one.file,

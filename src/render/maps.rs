@@ -8,7 +8,9 @@ use super::stats::{
     IlluminationStatistics, MapStatistics, PhotonMapFile, PhotonStatistics, ShadowStatistics,
 };
 use crate::camera::Camera;
-use crate::integrators::{PhotonMapSettings, PhotonMaps, light_importance, visible_domain};
+use crate::integrators::{
+    CAUSTIC_POINT_REACH, DirectAt, PhotonMapSettings, PhotonMaps, light_importance, visible_domain,
+};
 use crate::lights::LightId;
 use crate::photons::{
     Deposit, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
@@ -238,7 +240,8 @@ impl MapBuilder<'_> {
             let share = if plan.caustic_map.build { 0.5 } else { 1.0 };
             let end = limit.map(|limit| start + limit.mul_f64(share));
             let map = self.build(MapKind::Global, counts, end)?;
-            let precomputed = self.saved.as_mut().and_then(|saved| saved.take_irradiance(self.settings));
+            let precomputed =
+                self.saved.as_mut().and_then(|saved| saved.take_irradiance(self.settings, plan));
             let is_wanted =
                 plan.final_gather.build && self.settings.precomputed_irradiance && !map.is_empty();
             if let (true, Some(precomputed)) = (is_wanted, precomputed) {
@@ -249,6 +252,8 @@ impl MapBuilder<'_> {
                 let begun = Instant::now();
                 let reading = self.settings.photon_map_settings(self.scene);
                 let template = reading.global_query(Vec3::ZERO, Vec3::Z);
+                let direct =
+                    plan.direct_at_points.build.then(|| DirectAt::new(self.scene, self.settings.seed));
                 self.pass.maps.irradiance = Some(map.precompute_irradiance_until(
                     &template,
                     &reading.global,
@@ -259,6 +264,7 @@ impl MapBuilder<'_> {
                             .then(|| visible_domain(self.scene, at, normal, radius))
                             .flatten()
                     },
+                    |number, at, normal| direct.as_ref()?.irradiance(number, at, normal),
                     &|| self.observer.is_cancelled(),
                 )?);
                 self.pass.seconds_irradiance = begun.elapsed().as_secs_f64();
@@ -278,7 +284,29 @@ impl MapBuilder<'_> {
         if plan.caustic_map.build {
             // The share of this map even where all before took longer than it should have.
             let end = limit.map(|limit| (start + limit).max(Instant::now() + limit.mul_f64(0.5)));
-            self.pass.maps.caustic = Some(self.build(MapKind::Caustic, counts, end)?);
+            let map = self.build(MapKind::Caustic, counts, end)?;
+            if plan.caustics_at_points.build && !map.is_empty() {
+                self.observer.begin("precomputing caustics", 1);
+                let begun = Instant::now();
+                let reading = self.settings.photon_map_settings(self.scene);
+                let template = reading.caustic_query(&map, Vec3::ZERO, Vec3::Z, 1.0);
+                let points = map.precompute_irradiance_near(
+                    &template,
+                    &reading.caustic,
+                    (IRRADIANCE_STRIDE, CAUSTIC_POINT_REACH),
+                    |at, normal, radius| {
+                        reading
+                            .visible_kernel
+                            .then(|| visible_domain(self.scene, at, normal, radius))
+                            .flatten()
+                    },
+                    &|| self.observer.is_cancelled(),
+                )?;
+                self.pass.maps.caustic_irradiance = Some(points);
+                self.pass.seconds_irradiance += begun.elapsed().as_secs_f64();
+                self.observer.advance(1);
+            }
+            self.pass.maps.caustic = Some(map);
         }
         self.sum_up();
         if plan.shadow_photons.build {

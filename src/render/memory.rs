@@ -13,7 +13,7 @@ const MAP_BYTES: f64 = 20.25;
 /// and the map.
 const BUILD_BYTES: f64 = 40.5;
 
-/// Bytes of precomputed irradiance for each photon of the global map.
+/// Bytes of precomputed irradiance for each photon of a map.
 const IRRADIANCE_BYTES: f64 = 23.0 / super::maps::IRRADIANCE_STRIDE as f64;
 
 /// A tree counts its points in 32 bits; with room for the 10 % by which photons may exceed what was asked for.
@@ -87,14 +87,31 @@ pub enum MemoryError {
     },
 }
 
+/// Maps at whose photons irradiance is precomputed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Precomputed {
+    global: bool,
+    caustic: bool,
+}
+
+impl Precomputed {
+    /// As a render precomputes it.
+    pub(super) fn of(settings: &Settings, plan: &RenderPlan) -> Self {
+        Self {
+            global: plan.final_gather.build && settings.precomputed_irradiance,
+            caustic: plan.caustics_at_points.build,
+        }
+    }
+}
+
 /// Bytes of finished maps.
-pub(super) fn finished(counts: PhotonCounts, irradiance: bool) -> f64 {
-    let global = MAP_BYTES + if irradiance { IRRADIANCE_BYTES } else { 0.0 };
-    counts.global as f64 * global + counts.caustic as f64 * MAP_BYTES
+pub(super) fn finished(counts: PhotonCounts, irradiance: Precomputed) -> f64 {
+    let bytes = |precomputed| MAP_BYTES + if precomputed { IRRADIANCE_BYTES } else { 0.0 };
+    counts.global as f64 * bytes(irradiance.global) + counts.caustic as f64 * bytes(irradiance.caustic)
 }
 
 /// Bytes at the worst moment: the global map is built first and kept while the caustic map is.
-pub(super) fn at_worst(counts: PhotonCounts, irradiance: bool) -> f64 {
+pub(super) fn at_worst(counts: PhotonCounts, irradiance: Precomputed) -> f64 {
     let before = finished(PhotonCounts { caustic: 0, ..counts }, irradiance);
     (counts.global as f64 * BUILD_BYTES).max(before + counts.caustic as f64 * BUILD_BYTES)
 }
@@ -108,8 +125,7 @@ impl PhotonCounts {
             global: asked(plan.global_map.build, settings.global_photons),
             caustic: asked(plan.caustic_map.build, settings.caustic_photons),
         };
-        let irradiance = plan.final_gather.build && settings.precomputed_irradiance;
-        let bytes = finished(counts, irradiance);
+        let bytes = finished(counts, Precomputed::of(settings, plan));
         match settings.photons_memory {
             Some(memory) if bytes > 0.0 => {
                 let factor = memory as f64 / bytes;
@@ -133,10 +149,10 @@ impl PhotonCounts {
     /// # Errors
     /// Which photons, how much memory they take, and what to ask for instead.
     pub fn check(self, settings: &Settings, plan: &RenderPlan) -> Result<(), MemoryError> {
-        self.check_against(plan.final_gather.build && settings.precomputed_irradiance, available_memory())
+        self.check_against(Precomputed::of(settings, plan), available_memory())
     }
 
-    fn check_against(self, irradiance: bool, available: Option<u64>) -> Result<(), MemoryError> {
+    fn check_against(self, irradiance: Precomputed, available: Option<u64>) -> Result<(), MemoryError> {
         for (map, asked) in [("global", self.global), ("caustic", self.caustic)] {
             if asked > MOST_PHOTONS {
                 return Err(MemoryError::Count { map, asked });
@@ -201,16 +217,19 @@ mod tests {
     #[test]
     fn too_many_photons_are_refused_with_a_remedy() {
         let counts = PhotonCounts { global: 100_000_000, caustic: 200_000_000 };
-        let needed = at_worst(counts, true);
+        let all = Precomputed { global: true, caustic: true };
+        let needed = at_worst(counts, all);
         assert!((needed - (100e6 * (20.25 + 5.75) + 200e6 * 40.5)).abs() < 1.0, "{needed}");
-        assert_eq!(counts.check_against(true, Some(needed as u64)), Ok(()));
-        assert_eq!(counts.check_against(true, None), Ok(()));
-        let refused = counts.check_against(true, Some(4_000_000_000)).unwrap_err().to_string();
+        let kept = finished(counts, all);
+        assert!((kept - 300e6 * (20.25 + 5.75)).abs() < 1.0, "{kept}");
+        assert_eq!(counts.check_against(all, Some(needed as u64)), Ok(()));
+        assert_eq!(counts.check_against(all, None), Ok(()));
+        let refused = counts.check_against(all, Some(4_000_000_000)).unwrap_err().to_string();
         for part in ["10.7 GB", "4.0 GB are available", "--caustic-photons", "--photons-memory 1.6GB"] {
             assert!(refused.contains(part), "no `{part}` in {refused}");
         }
         let beyond = PhotonCounts { global: 1 << 40, caustic: 0 };
-        let refused = beyond.check_against(false, None).unwrap_err().to_string();
+        let refused = beyond.check_against(Precomputed::default(), None).unwrap_err().to_string();
         assert!(refused.contains("1099511627776 photons in the global map"), "{refused}");
     }
 

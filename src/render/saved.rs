@@ -74,13 +74,14 @@ impl PhotonSettings {
 }
 
 /// The settings that precomputed irradiance depends on, as text: equal text, equal irradiance.
-fn irradiance_key(settings: &Settings) -> String {
+fn irradiance_key(settings: &Settings, plan: &RenderPlan) -> String {
     let Settings {
         global_nearest, global_radius, estimator, search, differential_check, visible_kernel, ..
     } = *settings;
     let radius = global_radius.map(f64::to_bits);
+    let direct = plan.direct_at_points.build;
     format!(
-        "{global_nearest} {radius:?} {estimator:?} {search:?} {differential_check} {visible_kernel} {IRRADIANCE_STRIDE}"
+        "{global_nearest} {radius:?} {estimator:?} {search:?} {differential_check} {visible_kernel} {IRRADIANCE_STRIDE} {direct}"
     )
 }
 
@@ -259,9 +260,13 @@ impl SavedMaps {
         Some((map, statistics))
     }
 
-    /// Takes the precomputed irradiance, where it is what `settings` would precompute.
-    pub(super) fn take_irradiance(&mut self, settings: &Settings) -> Option<crate::photons::IrradianceMap> {
-        let is_same = self.description.irradiance.as_deref() == Some(&*irradiance_key(settings));
+    /// Takes the precomputed irradiance, where it is what would be precomputed for this plan.
+    pub(super) fn take_irradiance(
+        &mut self,
+        settings: &Settings,
+        plan: &RenderPlan,
+    ) -> Option<crate::photons::IrradianceMap> {
+        let is_same = self.description.irradiance.as_deref() == Some(&*irradiance_key(settings, plan));
         self.file.irradiance.take().filter(|_| is_same)
     }
 }
@@ -305,7 +310,7 @@ pub fn write_photon_maps(
         scene: scene.name().to_owned(),
         scene_hash: scene_hash.to_owned(),
         settings: PhotonSettings::of(settings, plan),
-        irradiance: pass.maps.irradiance.as_ref().map(|_| irradiance_key(settings)),
+        irradiance: pass.maps.irradiance.as_ref().map(|_| irradiance_key(settings, plan)),
         maps: pass.statistics.clone(),
         warnings: pass.warnings.clone(),
     };

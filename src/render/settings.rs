@@ -252,6 +252,7 @@ impl Settings {
         let shows_classes = self.integrator == IntegratorKind::Photons && self.show == Show::Classes;
         RenderPlan::new(scene, self.integrator, self.map)
             .with_cache(self.irradiance_cache)
+            .with_precomputed(scene, self.integrator, self.precomputed_irradiance)
             .guided(scene, self.integrator, self.guide)
             .with_shadow_photons(scene, self.shadow_photons, shows_classes)
             .with_glints(scene, self.integrator, self.glints)

@@ -26,6 +26,8 @@ pub enum Stream {
     GlintHunt = 20,
     /// Further camera samples where such lamps are.
     Glints = 21,
+    /// Shadow rays from points where irradiance is precomputed.
+    DirectAtPoints = 22,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

@@ -117,6 +117,10 @@ pub struct RenderPlan {
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
     pub bsdf_sampling: Decision,
+    /// Shadow rays in place of photons for the direct light of points where irradiance is precomputed.
+    pub direct_at_points: Decision,
+    /// Caustics precomputed at photons too, for what is seen blurred.
+    pub caustics_at_points: Decision,
     /// Maps of direct and shadow photons, one for each light, that tell where shadow rays are not needed.
     pub shadow_photons: Decision,
     /// Photons shared out by what lights contribute to the picture.
@@ -168,6 +172,8 @@ impl RenderPlan {
                 IntegratorKind::Path => Decision::yes("paths that hit lights by chance carry caustics"),
                 IntegratorKind::PhotonMap | IntegratorKind::Progressive => facts.bsdf_sampling(),
             },
+            direct_at_points: Decision::no("no irradiance is precomputed"),
+            caustics_at_points: Decision::no("no irradiance is precomputed"),
             shadow_photons: Decision::no("every shadow ray is traced"),
             photon_budget: facts.photon_budget(integrator, scene.lights().len()),
             glints: Decision::no("lamps in glass and mirrors are met by chance"),
@@ -186,6 +192,32 @@ impl RenderPlan {
         if !wanted && self.irradiance_cache.build {
             self.irradiance_cache = Decision::no("switched off: every camera sample gathers for itself");
         }
+        self
+    }
+
+    /// The same plan where irradiance is precomputed at photons for what ends a gather.
+    #[must_use]
+    pub fn with_precomputed(mut self, scene: &Scene, integrator: IntegratorKind, wanted: bool) -> Self {
+        if !wanted || !self.final_gather.build {
+            return self;
+        }
+        self.caustics_at_points = if !self.caustic_map.build {
+            Decision::no("there is no caustic map")
+        } else if integrator == IntegratorKind::Progressive {
+            Decision::no("estimates shrink from round to round")
+        } else {
+            Decision::yes("behind glossy and diffuse reflections the nearest point tells them")
+        };
+        let choice = scene.light_choice();
+        self.direct_at_points = if !choice.groups().is_empty() {
+            Decision::no(format!("{} lights: not every point would ask each", scene.lights().len()))
+        } else if self.bsdf_sampling.build {
+            Decision::no(self.bsdf_sampling.reason.clone())
+        } else if self.absorption.build {
+            Decision::no("media absorb, and points do not know what they lie in")
+        } else {
+            Decision::yes(format!("{} light(s), each sampled well by its solid angle", choice.each().len()))
+        };
         self
     }
 
@@ -259,7 +291,7 @@ impl RenderPlan {
     }
 
     /// Each decision with its name, for people.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 12] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 14] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
@@ -269,6 +301,8 @@ impl RenderPlan {
             ("guided directions", &self.guide),
             ("light sampling", &self.light_sampling),
             ("BSDF sampling of lights", &self.bsdf_sampling),
+            ("direct light at points", &self.direct_at_points),
+            ("caustics at points", &self.caustics_at_points),
             ("shadow photons", &self.shadow_photons),
             ("photons by contribution", &self.photon_budget),
             ("search for glints", &self.glints),

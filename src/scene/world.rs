@@ -476,6 +476,15 @@ impl Scene {
         Some((hit.t, self.facing_normal(ray, &hit)))
     }
 
+    /// The surface at `position` that faces along the unit `normal`, for places of which no more is known, as those of
+    /// photons: what a ray straight down from a little above meets. `None` where that finds none, or one that faces
+    /// elsewhere.
+    pub fn surface_at(&self, position: Vec3, normal: Vec3) -> Option<SurfaceInteraction> {
+        let down = Ray { origin: position + normal * ROUNDED, direction: -normal, t_max: 2.0 * ROUNDED };
+        let hit = self.interaction(&down, &self.parts.embree.intersect(&down)?);
+        (hit.facing_normal().dot(normal) >= SAME_SURFACE_COS).then_some(hit)
+    }
+
     /// Unit geometric normal of a hit on the side of the ray.
     #[inline]
     fn facing_normal(&self, ray: &Ray, hit: &RawHit) -> Vec3 {
@@ -669,6 +678,10 @@ fn found(
         painted: None,
     }
 }
+
+/// How far from where it was found a surface may lie by rounding, render space, where no coordinate is much beyond one: what
+/// single precision resolves there, 64 times over.
+const ROUNDED: f32 = 64.0 * f32::EPSILON;
 
 /// Surfaces whose normals are this close count as one: 45 degrees, as for photons.
 const SAME_SURFACE_COS: f32 = std::f32::consts::FRAC_1_SQRT_2;

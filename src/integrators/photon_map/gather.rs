@@ -245,7 +245,8 @@ impl PhotonMapIntegrator<'_> {
                     return found;
                 }
                 let numbers = std::array::from_fn(|i| refreshed(own, 4 * depth + i as u32));
-                let Some(next) = self.continue_gathering(medium, &hit, &shading, numbers) else {
+                let Some(next) = self.continue_gathering((medium, depth == 0), &hit, &shading, numbers)
+                else {
                     return found;
                 };
                 scratch.counters.approximate_rays += 1;

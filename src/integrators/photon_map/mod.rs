@@ -131,6 +131,8 @@ pub struct PhotonMaps {
     pub irradiance: Option<IrradianceMap>,
     /// Where indirect light comes from; `None` where directions are drawn from BSDFs alone.
     pub guide: Option<DirectionGuide>,
+    /// Irradiance precomputed at photons of the caustic map, for what is seen blurred; `None` for full estimates there too.
+    pub caustic_irradiance: Option<IrradianceMap>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
     /// Sums of photons over objects with coordinates; `None` where there are none.
@@ -139,8 +141,23 @@ pub struct PhotonMaps {
     pub shadows: Option<ShadowMaps>,
 }
 
+impl PhotonMaps {
+    /// Bytes of all precomputed irradiance.
+    pub fn irradiance_bytes(&self) -> u64 {
+        let of = |map: &Option<IrradianceMap>| map.as_ref().map_or(0, IrradianceMap::memory_bytes);
+        (of(&self.irradiance) + of(&self.caustic_irradiance)) as u64
+    }
+}
+
 /// Photons of a caustic estimate that counts for little in a camera sample.
 const LEAST_CAUSTIC_NEAREST: u32 = 32;
+
+/// How far from a point its precomputed caustics are read, as a share of the radius of its estimate. Points lie at every fourth
+/// photon, so that where there are as many as an estimate wants nearly all places are nearer.
+pub const CAUSTIC_POINT_REACH: f32 = 0.3;
+
+/// Share of a camera sample up to which caustics are read at points.
+const LARGEST_SHARE_NEARBY: f32 = 0.5;
 
 /// Caustics fainter than this, as a share of the other light of the camera sample, are estimated over the whole disc: what
 /// cannot be seen from its centre changes them by less than any eye sees.
@@ -226,6 +243,9 @@ impl<'a> PhotonMapIntegrator<'a> {
 
     /// The same behind a diffuse reflection.
     fn caustics_behind(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> Rgb {
+        if let Some(radiance) = self.caustics_nearby(vertex, scratch) {
+            return radiance;
+        }
         let (Some(map), Some(narrowing)) = (&self.maps.caustic, self.settings.narrowing) else {
             return self.caustics(vertex, other, scratch).0;
         };
@@ -244,6 +264,16 @@ impl<'a> PhotonMapIntegrator<'a> {
         .value
     }
 
+    /// Caustics as the nearest point says where they are precomputed; `None` where none is near enough.
+    fn caustics_nearby(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Option<Rgb> {
+        let points = self.maps.caustic_irradiance.as_ref().filter(|_| self.settings.narrowing.is_none())?;
+        let lambert = vertex.shading.bsdf.lambertian()?;
+        let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
+        let irradiance = points.near(position, normal, CAUSTIC_POINT_REACH * self.settings.max_radius)?;
+        scratch.counters.caustic_nearby += 1;
+        Some(lambert.reflectance * irradiance * FRAC_1_PI)
+    }
+
     /// [`Self::caustics`] for a surface that the eye sees: an estimate that blurs over the pixel is made once for its camera
     /// samples. Not for what gather rays meet, which are other places in each sample.
     fn shared_caustics(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> (Rgb, Rgb) {
@@ -255,6 +285,11 @@ impl<'a> PhotonMapIntegrator<'a> {
         };
         let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
         if let Some(radiance) = by_map {
+            return (radiance, Rgb::ZERO);
+        }
+        if vertex.share <= LARGEST_SHARE_NEARBY
+            && let Some(radiance) = self.caustics_nearby(vertex, scratch)
+        {
             return (radiance, Rgb::ZERO);
         }
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
