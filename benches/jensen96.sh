@@ -14,6 +14,11 @@ pictures=docs/pictures
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 
+# Counts of photons and settings of the two large pictures. The counts are those of Table 1.
+museum=(--caustic-photons 389755 --global-photons 165791 --quality preview --spp "${MUSEUM_SPP:-16}" --cache-samples 2048
+    --glossy-samples 3 --global-nearest 240)
+cognac=(--caustic-photons 224316 --global-photons 3095 --quality preview --spp "${COGNAC_SPP:-16}" --gather-samples 2)
+
 # A number out of JSON that is printed one field a line; the first where there are several.
 field() { sed -n "s/^ *\"$2\": \(-\{0,1\}[0-9.e+-]*\),\{0,1\}$/\1/p" "$1" | head -n 1; }
 
@@ -93,12 +98,9 @@ flip() {
 |---|---|
 END
     local seed scene
-    for scene in "museum 389755 165791 16 --cache-samples 1280" "cognac 224316 3095 14 --gather-samples 2"; do
-        read -r scene caustic global spp option value <<<"$scene"
-        for seed in 0 1; do
-            shoot "flip-$seed" "$scene" --quality preview --caustic-photons "$caustic" --global-photons "$global" --spp "$spp" \
-                "$option" "$value" --seed "$seed"
-        done
+    for scene in museum cognac; do
+        local -n settings=$scene
+        for seed in 0 1; do shoot "flip-$seed" "$scene" "${settings[@]}" --seed "$seed"; done
         "$program" compare "$out/flip-0.png" "$out/flip-1.png" --json >"$out/errors.json"
         printf '| `%s` | %.3f |\n' "$scene" "$(field "$out/errors.json" flip)"
     done
@@ -259,10 +261,10 @@ END
 }
 
 # One row: a scene at the resolution and the counts of photons of the paper.
-row() { # name, scene, the paper's pass 1, the paper's rendering, resolution, caustic, global, options
-    local name=$1 scene=$2 first=$3 second=$4 size=$5 caustic=$6 global=$7
-    shift 7
-    shoot "$name" "$scene" --resolution "$size" --caustic-photons "$caustic" --global-photons "$global" "$@"
+row() { # name, scene, the paper's pass 1, the paper's rendering, resolution, options, which begin with both counts
+    local name=$1 scene=$2 first=$3 second=$4 size=$5 caustic=$7 global=$9
+    shift 5
+    shoot "$name" "$scene" --resolution "$size" "$@"
     # The boxes are shown elsewhere, and are large.
     case $name in museum | cognac) keep "$name" "$name" ;; esac
     awk -v n="$scene" -v s="$size" -v c="$caustic" -v g="$global" -v f="$first" -v r="$second" \
@@ -283,12 +285,12 @@ mean depth of an image-sampling ray, "very close to 2" in the diffuse box.
 | scene | pixels | caustic | global | pass 1, 1996 | rendering, 1996 | pass 1 | rendering | samples per pixel | maps | depth |
 |---|---|---|---|---|---|---|---|---|---|---|
 END
-    local museum=(1280x960 389755 165791 --quality preview --spp "${MUSEUM_SPP:-16}" --cache-samples 1280)
-    local cognac=(1280x960 224316 3095 --quality preview --spp "${COGNAC_SPP:-14}" --gather-samples 2)
-    row table-cornell-spheres cornell-spheres "67 s" "8 min" 1280x960 21162 286489 --quality preview --spp 4
-    row table-cornell-glossy cornell-glossy "56 s" "50 min" 2560x1920 0 382598 --quality preview --spp 1 --glossy-samples 6
-    row museum museum "298 s" "51 min" "${museum[@]}"
-    row cognac cognac "27 min" "65 min" "${cognac[@]}"
+    local boxes=(--caustic-photons 21162 --global-photons 286489 --quality preview --spp 4)
+    local glossy=(--caustic-photons 0 --global-photons 382598 --quality preview --spp 1 --glossy-samples 6)
+    row table-cornell-spheres cornell-spheres "67 s" "8 min" 1280x960 "${boxes[@]}"
+    row table-cornell-glossy cornell-glossy "56 s" "50 min" 2560x1920 "${glossy[@]}"
+    row museum museum "298 s" "51 min" 1280x960 "${museum[@]}"
+    row cognac cognac "27 min" "65 min" 1280x960 "${cognac[@]}"
     shoot final cornell-diffuse --quality final
     printf '\nThe museum takes %.0f and the cognac glass %.0f times as long as `cornell-diffuse` at 256 x 256 and `final`.\n' \
         "$(awk "BEGIN { print $(wall museum) / $(wall final) }")" "$(awk "BEGIN { print $(wall cognac) / $(wall final) }")"

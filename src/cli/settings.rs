@@ -165,8 +165,8 @@ pub(crate) struct SettingsArgs {
     approximate_weight: Option<f32>,
 
     /// Whether lamps in glass and mirrors are looked for before the picture is rendered: where they are smaller than a pixel,
-    /// samples meet them by chance alone otherwise, as white dots. What is met more rarely still is dimmed by how rare it is, but
-    /// for `--integrator path`.
+    /// samples meet them by chance alone otherwise, as white dots. What is met more rarely still is dimmed by how rare it is, and
+    /// behind a glossy reflection such lamps are blurred, but for `--integrator path`.
     #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true")]
     glints: Option<bool>,
 

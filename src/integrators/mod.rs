@@ -4,6 +4,7 @@
 //! eq. (2); `docs/light-paths.md` has the table that assigns each kind of path to exactly one.
 
 mod direct;
+mod direct_at;
 mod directions;
 mod glints;
 mod light_importance;
@@ -13,13 +14,14 @@ mod receiver;
 mod specular;
 
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
+pub use direct_at::DirectAt;
 pub use directions::Directions;
 pub use glints::{FARTHEST_GLINT, Glint, GlintMap, GlintView, Hunter, PixelGlints};
 pub use light_importance::{SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{
-    CachePass, CacheRequest, Narrowing, PhotonMapIntegrator, PhotonMapSettings, PhotonMaps, ShowClasses,
-    ShowPhotons, visible_domain,
+    CAUSTIC_POINT_REACH, CachePass, CacheRequest, Narrowing, PhotonMapIntegrator, PhotonMapSettings,
+    PhotonMaps, ShowClasses, ShowPhotons, visible_domain,
 };
 pub use receiver::{Irradiance, Receiver};
 
@@ -28,7 +30,7 @@ use crate::lights::LightId;
 use crate::math::{Ray, Rgb};
 use crate::photons::Scratch as PhotonScratch;
 use crate::sampling::SampleStream;
-use crate::scene::{Scene, SurfaceInteraction};
+use crate::scene::{Scene, Shading, SurfaceInteraction};
 use std::cell::Cell;
 use std::ops::AddAssign;
 
@@ -58,6 +60,24 @@ impl EyeRay<'_> {
             }
             _ => 1.0,
         }
+    }
+
+    /// Radiance of lamps around the ray by which `next` continues the branch `before` it specularly, behind a glossy lobe; `None` where
+    /// that ray is to meet them by itself.
+    fn widened(
+        &self,
+        branches: (&specular::Branch, &specular::Branch),
+        at: (&SurfaceInteraction, &Shading),
+        samples: &mut SampleStream,
+        scratch: &mut Scratch,
+    ) -> Option<Rgb> {
+        let glints = self.glints.as_ref()?;
+        Some(glints.hunter.widened(branches, at, glints.samples?, samples, scratch))
+    }
+
+    /// Whether that found the light of this lamp, which `ray` meets.
+    fn has_widened(&self, lamp: LightId, ray: &Ray) -> bool {
+        self.glints.as_ref().is_some_and(|glints| glints.hunter.has_widened(lamp, ray))
     }
 }
 
@@ -109,6 +129,8 @@ pub struct Counters {
     pub caustic_lookups: u64,
     /// Evaluations of caustics that took the estimate of another camera sample of the same pixel.
     pub caustic_shared: u64,
+    /// Evaluations of caustics precomputed at a point nearby.
+    pub caustic_nearby: u64,
     /// Readings of illumination maps.
     pub illumination_lookups: u64,
     /// Gather rays for which no photon with a fitting normal was near.
@@ -169,6 +191,7 @@ impl AddAssign for Counters {
         self.global_lookups += other.global_lookups;
         self.caustic_lookups += other.caustic_lookups;
         self.caustic_shared += other.caustic_shared;
+        self.caustic_nearby += other.caustic_nearby;
         self.illumination_lookups += other.illumination_lookups;
         self.empty_lookups += other.empty_lookups;
         self.guided += other.guided;

@@ -23,6 +23,11 @@ pub(super) struct Branch {
     pub drawn: Option<Drawn>,
     /// Whether a highly glossy lobe drew this ray.
     pub is_glossy: bool,
+    /// Tangent of the angle of the cone of directions that this ray stands for among those of the glossy lobe that drew it, or the one
+    /// that it continues; zero where there was none.
+    pub spread: f32,
+    /// Whether light of small lamps along this ray was found where it starts.
+    pub widened: bool,
     /// Way from the eye to where the ray starts.
     pub travelled: f32,
     /// The surfaces met before, where it followed a specular lobe at all of them.
@@ -40,6 +45,8 @@ impl Branch {
             share: 1.0,
             drawn: None,
             is_glossy: false,
+            spread: 0.0,
+            widened: false,
             travelled: 0.0,
             chain: Some(Chain::default()),
         }
@@ -123,6 +130,8 @@ fn push_sample(
         share: parent.share * share,
         drawn: None,
         is_glossy: false,
+        spread: parent.spread,
+        widened: false,
         travelled: parent.travelled + hit.distance,
         chain: parent.chain.and_then(|chain| chain.after(hit, shading, sample.transmission)),
     });

@@ -11,7 +11,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 /// Places of a picture from which is looked, in all, and within a pixel: more in a small picture, whose pixels show more.
-const PLACES: usize = 1_000_000;
+const PLACES: usize = 5_000_000;
 const IN_PIXEL: (u32, u32) = (2, 32);
 
 /// What is known of glints.

@@ -183,3 +183,95 @@ fn the_sliver_of_a_lamp_is_as_wide_as_it_is() {
         assert!(deviation < 1.2 * want);
     }
 }
+
+/// Images of a thousandth of a pixel, where pixels are counted in thousands: single precision would round the one to the other.
+#[test]
+fn a_minute_glint_far_from_the_corner_is_as_bright_as_its_image() {
+    let fov = 20f64;
+    let stage = ball("mirror", 20.0, 0.008, fov);
+    let mut request = stage.request(&with_glints(photon_map(), true, 16, 0));
+    (request.width, request.height) = (4096, 4096);
+    request.crop = Some(cardioid::film::PixelRect { x0: 2040, y0: 2036, x1: 2064, y1: 2060 });
+    let crop = (2.0 * (fov.to_radians() / 2.0).tan() * 24.0 / 4096.0).powi(2);
+    let lamp = PI * (0.008f64 / 400.0).powi(2);
+    let want = 0.5 * 5.0 * lamp * 0.25 / 300f64.powi(2) / crop;
+    let shoot = |seed| {
+        request.settings.seed = seed;
+        stage.shoot_request(&request).mean("specular")[0]
+    };
+    let (mean, deviation) = moments(&(0..8).map(shoot).collect::<Vec<_>>());
+    println!("{mean} +- {deviation}, want {want}");
+    assert!((mean / want - 1.0).abs() < 0.15, "{mean}, want {want}");
+    assert!(deviation < 0.3 * want);
+}
+
+/// A lamp that a ball mirrors onto a glossy floor: the light that chance brings, with less noise.
+#[test]
+fn lamps_that_mirrors_show_to_a_glossy_floor_keep_their_light() {
+    let stage = Stage::new(
+        r#"
+        [camera]
+        eye = [3.0, 1.2, 0.0]
+        at = [0.5, 0.0, 0.0]
+        fov = 10.0
+
+        [materials.gloss]
+        type = "ward"
+        diffuse = 0.0
+        specular = 0.8
+        roughness = 0.3
+
+        [materials.mirror]
+        type = "mirror"
+        reflectance = 0.9
+
+        [materials.black]
+        type = "lambert"
+        reflectance = 0.0
+
+        [[shapes]]
+        type = "quad"
+        corner = [-2.0, 0.0, -2.0]
+        edge-u = [0.0, 0.0, 4.0]
+        edge-v = [4.0, 0.0, 0.0]
+        material = "gloss"
+
+        [[shapes]]
+        type = "sphere"
+        center = [-0.5, 0.7, 0.0]
+        radius = 0.5
+        material = "mirror"
+
+        # The floor does not see the lamp itself.
+        [[shapes]]
+        type = "quad"
+        corner = [-4.0, 0.0, 2.0]
+        edge-u = [8.0, 0.0, 0.0]
+        edge-v = [0.0, 0.6, 0.0]
+        material = "black"
+
+        [[shapes]]
+        name = "lamp"
+        type = "sphere"
+        center = [-0.5, 0.7, 4.0]
+        radius = 0.3
+        emission = { radiance = 100.0 }
+        "#,
+        (16, 16),
+    );
+    let shots = |glints: bool, spp: u32| -> Vec<f64> {
+        (0..16)
+            .map(|seed| {
+                let settings = with_glints(photon_map(), glints, spp, seed);
+                stage.shoot(&settings).mean("specular")[0]
+            })
+            .collect()
+    };
+    let (chance, by_chance) = moments(&shots(false, 512));
+    let (mean, deviation) = moments(&shots(true, 64));
+    // Of as many samples by chance.
+    let alone = by_chance * 8f64.sqrt();
+    println!("{mean} +- {deviation}; {chance} +- {alone} by chance");
+    assert!((mean / chance - 1.0).abs() < 0.1, "{mean}, by chance {chance}");
+    assert!(deviation < 0.5 * alone, "{deviation}, by chance {alone}");
+}

@@ -60,8 +60,10 @@ pub struct Glint {
 /// An ellipse on the picture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ellipse {
-    /// Pixels from the corner of the picture.
-    pub center: Vec2,
+    /// The middle of a pixel, pixels from the corner of the picture.
+    pixel: Vec2,
+    /// Its own middle from there: pixels from the corner of the picture are too coarse for ellipses of a thousandth of one.
+    center: Vec2,
     /// Unit direction of the first of its axes.
     axis: Vec2,
     /// Half axes, pixels.
@@ -70,13 +72,13 @@ pub(super) struct Ellipse {
 
 impl Ellipse {
     /// Of all that is within `radius` of the middle of a lamp, where a pixel moves the ray by `moves` there.
-    fn image(center: Vec2, radius: f32, moves: Mat2) -> Self {
+    fn image((pixel, center): (Vec2, Vec2), radius: f32, moves: Mat2) -> Self {
         // The axes of the symmetric matrix M^T M.
         let (xx, yy) = (moves.x_axis.length_squared(), moves.y_axis.length_squared());
         let xy = moves.x_axis.dot(moves.y_axis);
         let axis = Vec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
         let reach = |axis: Vec2| LONGEST_AXIS.min(radius / (moves * axis).length());
-        Self { center, axis, radii: Vec2::new(reach(axis), reach(axis.perp())) }
+        Self { pixel, center, axis, radii: Vec2::new(reach(axis), reach(axis.perp())) }
     }
 
     pub(super) fn area(&self) -> f32 {
@@ -88,29 +90,45 @@ impl Ellipse {
         self.radii.max_element()
     }
 
-    pub(super) fn contains(&self, at: Vec2) -> bool {
-        let offset = at - self.center;
+    /// Its middle, pixels from the corner of the picture.
+    pub(super) fn middle(&self) -> Vec2 {
+        self.pixel + self.center
+    }
+
+    /// Its middle, from that of a `pixel`.
+    pub(super) fn offset_from(&self, pixel: Vec2) -> Vec2 {
+        (self.pixel - pixel) + self.center
+    }
+
+    /// Whether it contains what is at this `offset` from the middle of a `pixel`.
+    pub(super) fn contains(&self, pixel: Vec2, offset: Vec2) -> bool {
+        let offset = offset - self.offset_from(pixel);
         (Vec2::new(offset.dot(self.axis), offset.dot(self.axis.perp())) / self.radii).length_squared() < 1.0
     }
 
-    /// The point of the ellipse for one of the unit disc.
+    /// Whether the middle of another is nearer to that of this than such a `share` of this.
+    pub(super) fn is_near(&self, other: &Self, share: f32) -> bool {
+        self.contains(self.pixel, self.center + (other.offset_from(self.pixel) - self.center) / share)
+    }
+
+    /// From its middle to the point of the ellipse for one of the unit disc.
     pub(super) fn at(&self, disc: Vec2) -> Vec2 {
         let scaled = disc * self.radii;
-        self.center + self.axis * scaled.x + self.axis.perp() * scaled.y
+        self.axis * scaled.x + self.axis.perp() * scaled.y
     }
 }
 
 /// A lamp as a disc.
 #[derive(Clone, Copy, Debug)]
-struct Lamp {
-    id: LightId,
+pub(super) struct Lamp {
+    pub id: LightId,
     /// Of a sphere around it; of the sun the unit direction to it.
     centre: Vec3,
     /// Of that sphere; of the sun its tangent.
-    radius: f32,
+    pub radius: f32,
     /// Radiance, brightest channel.
     radiance: f32,
-    is_sun: bool,
+    pub is_sun: bool,
 }
 
 impl Lamp {
@@ -130,16 +148,16 @@ impl Lamp {
     }
 
     /// How far along a ray its middle is, and where from there, across the ray. `None` where that is behind.
-    fn seen_from(&self, ray: &Ray) -> Option<(f32, Vec3)> {
+    pub(super) fn seen_from(&self, ray: &Ray) -> Option<(f32, Vec3)> {
         let offset = if self.is_sun { self.centre } else { self.centre - ray.origin };
         let along = offset.dot(ray.direction);
         let across = offset - ray.direction * along;
         (along > 0.0).then(|| if self.is_sun { (1.0, across / along) } else { (along, across) })
     }
 
-    /// Whether a ray that meets it sees it under a small angle.
-    fn is_small(&self, ray: &Ray) -> bool {
-        self.seen_from(ray).is_some_and(|(along, _)| self.radius < NEAR * along)
+    /// Whether a ray that meets it sees it under an angle below that of this `tangent`.
+    pub(super) fn is_below(&self, ray: &Ray, tangent: f32) -> bool {
+        self.seen_from(ray).is_some_and(|(along, _)| self.radius < tangent * along)
     }
 
     /// Tangent of the angle between a ray and its middle.
@@ -159,10 +177,10 @@ struct Seen<'a> {
 /// Looks for lamps in glass and mirrors.
 #[derive(Clone, Debug)]
 pub struct Hunter<'a> {
-    scene: &'a Scene,
+    pub(super) scene: &'a Scene,
     camera_medium: Surroundings,
     max_depth: u32,
-    lamps: Vec<Lamp>,
+    pub(super) lamps: Vec<Lamp>,
 }
 
 impl<'a> Hunter<'a> {
@@ -221,13 +239,13 @@ impl<'a> Hunter<'a> {
             let (frame, moves) = self.motion(lamp, seen, offset, &ray, along)?;
             let across = frame.to_local(across).truncate();
             if across.length() < CLOSE * lamp.radius {
-                let center = start.center + start.offset + offset;
-                let ellipse = Ellipse::image(center, MARGIN * lamp.radius, moves);
+                let ellipse =
+                    Ellipse::image((start.center, start.offset + offset), MARGIN * lamp.radius, moves);
                 let end = self.end(seen, offset)?;
                 // What interfaces let pass may change a thousandfold across an ellipse, as at the border of total reflection.
                 let around = (0..AROUND).filter_map(|i| {
                     let disc = 0.7 * Vec2::from_angle(i as f32 * TAU / AROUND as f32);
-                    Some(self.end(seen, offset + ellipse.at(disc) - center)?.throughput.max_element())
+                    Some(self.end(seen, offset + ellipse.at(disc))?.throughput.max_element())
                 });
                 let throughput =
                     around.fold(end.throughput.max_element(), f32::max).clamp(LEAST_THROUGHPUT, 1.0);
@@ -279,7 +297,7 @@ impl<'a> Hunter<'a> {
         (samples, density): (f32, f32),
     ) -> f32 {
         // Of what is all around, many ways show some.
-        let lamp = self.lamps.iter().find(|lamp| lamp.id == id).filter(|lamp| lamp.is_small(ray));
+        let lamp = self.lamps.iter().find(|lamp| lamp.id == id).filter(|lamp| lamp.is_below(ray, NEAR));
         let Some(lamp) = lamp else { return 1.0 };
         let area = || {
             let end = chain.follow(self.scene, camera.ray, self.camera_medium)?;

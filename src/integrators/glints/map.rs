@@ -35,7 +35,7 @@ pub struct GlintMap {
 }
 
 fn pixel_of(glint: &Glint) -> (i32, i32) {
-    let at = glint.ellipse.center.floor().as_ivec2();
+    let at = glint.ellipse.middle().floor().as_ivec2();
     (at.y, at.x)
 }
 
@@ -47,10 +47,9 @@ impl GlintMap {
         for of_pixel in found.chunk_by(|a, b| pixel_of(a) == pixel_of(b)) {
             let first = map.glints.len();
             for glint in of_pixel {
-                let known = map.glints[first..].iter_mut().find(|known| {
-                    let near = known.ellipse.center + (glint.ellipse.center - known.ellipse.center) / SAME;
-                    known.chain == glint.chain && known.ellipse.contains(near)
-                });
+                let known = map.glints[first..]
+                    .iter_mut()
+                    .find(|known| known.chain == glint.chain && known.ellipse.is_near(&glint.ellipse, SAME));
                 match known {
                     Some(known) => known.weight = known.weight.max(glint.weight),
                     None => map.glints.push(*glint),
@@ -92,14 +91,14 @@ impl GlintMap {
                 }
                 let end = self.pixels.get(i + 1).map_or(self.glints.len(), |next| next.1);
                 glints.extend(self.glints[begin..end].iter().copied().filter(|glint| {
-                    let ellipse = &glint.ellipse;
-                    (ellipse.center + ellipse.reach()).cmpgt(low).all()
-                        && (ellipse.center - ellipse.reach()).cmplt(high).all()
+                    let (middle, reach) = (glint.ellipse.middle(), glint.ellipse.reach());
+                    (middle + reach).cmpgt(low).all() && (middle - reach).cmplt(high).all()
                 }));
             }
         }
         let most = sampler.density(Vec2::ZERO).0 * OUTSIDE;
-        let weight = |glint: &Glint| glint.weight * (sampler.density(glint.ellipse.center - center).0 + most);
+        let weight =
+            |glint: &Glint| glint.weight * (sampler.density(glint.ellipse.offset_from(center)).0 + most);
         glints.sort_by(|a, b| weight(b).total_cmp(&weight(a)));
         glints.truncate(MOST_IN_PIXEL);
         let total: f32 = glints.iter().map(weight).sum();
@@ -121,12 +120,14 @@ pub struct PixelGlints<'a> {
 }
 
 impl PixelGlints<'_> {
-    /// Expected count of further samples for each of the pixel's own that follow `chain`, per square pixel, at a place of the
-    /// picture.
-    fn density(&self, chain: &Chain, at: Vec2) -> f32 {
-        let of_chain =
-            self.choices.iter().filter(|(glint, _)| glint.chain == *chain && glint.ellipse.contains(at));
-        of_chain.map(|(glint, choice)| choice / glint.ellipse.area()).sum::<f32>() * RAYS as f32
+    /// Expected count of further samples for each of the pixel's own that follow `chain`, per square pixel, at an `offset` from its
+    /// middle. One that was `drawn` from a glint lies in that, though it may be rounded to beside it.
+    fn density(&self, chain: &Chain, offset: Vec2, drawn: Option<usize>) -> f32 {
+        let contains = |i: usize, glint: &Glint| {
+            drawn == Some(i) || (glint.chain == *chain && glint.ellipse.contains(self.center, offset))
+        };
+        let of_chain = self.choices.iter().enumerate().filter(|(i, (glint, _))| contains(*i, glint));
+        of_chain.map(|(_, (glint, choice))| choice / glint.ellipse.area()).sum::<f32>() * RAYS as f32
     }
 
     /// Light that further samples find beside one of the pixel's own, for the film to add with the `weight` of that one, through the
@@ -146,14 +147,15 @@ impl PixelGlints<'_> {
             let v = numbers.next_2d();
             let part = ((first + i) % RAYS) as f32;
             let disc = warp::square_to_disc(Vec2::new((part + v.x) / RAYS as f32, v.y));
-            let chosen = self.choices.iter().find(|(_, choice)| {
+            let chosen = self.choices.iter().position(|(_, choice)| {
                 u -= choice;
                 u < 0.0
             });
             // Rounding may leave a rest.
-            let Some((glint, _)) = chosen.or(self.choices.last()) else { continue };
-            let at = glint.ellipse.at(disc);
-            let place = FilmPlace { size, center: self.center, offset: at - self.center };
+            let chosen = chosen.unwrap_or(self.choices.len() - 1);
+            let (glint, _) = &self.choices[chosen];
+            let offset = glint.ellipse.offset_from(self.center) + glint.ellipse.at(disc);
+            let place = FilmPlace { size, center: self.center, offset };
             let (own, sign) = self.sampler.density(place.offset);
             if own == 0.0 {
                 continue;
@@ -164,7 +166,7 @@ impl PixelGlints<'_> {
             if found == Rgb::ZERO {
                 continue;
             }
-            let all = own * end.chance + self.density(&glint.chain, place.center + place.offset);
+            let all = own * end.chance + self.density(&glint.chain, offset, Some(chosen));
             sum += found * end.throughput * (own * sign / (all * weight));
         }
         if sum.is_finite() { sum } else { Rgb::ZERO }
@@ -191,7 +193,7 @@ impl GlintView<'_> {
     pub(in crate::integrators) fn weight(&self, chain: &Chain, id: LightId, ray: &Ray) -> (f32, bool) {
         let place = self.camera.place();
         let own = self.sampler.density(place.offset).0;
-        let further = self.pixel.map_or(0.0, |pixel| pixel.density(chain, place.center + place.offset));
+        let further = self.pixel.map_or(0.0, |pixel| pixel.density(chain, place.offset, None));
         if further > 0.0 {
             // Followed again by the same numbers, it ends where it ended.
             let chance = self.hunter.chance(self.camera, chain).unwrap_or(0.0);

@@ -14,7 +14,9 @@
 mod chain;
 mod hunt;
 mod map;
+mod widen;
 
 pub(super) use chain::Chain;
 pub use hunt::{FARTHEST_GLINT, Glint, Hunter};
 pub use map::{GlintMap, GlintView, PixelGlints};
+pub(super) use widen::spread_of;

@@ -4,6 +4,7 @@
 use super::PhotonMapIntegrator;
 use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::direct::{DirectLighting, Drawn, receiver};
+use crate::integrators::glints::spread_of;
 use crate::integrators::specular::{Branch, SMALLEST_SHARE, SPLIT_DEPTH, chain_roulette};
 use crate::lights::{Light, LightId};
 use crate::math::{Ray, Rgb};
@@ -33,7 +34,7 @@ pub(super) fn push_scattered(
     if !(total > 0.0) {
         return;
     }
-    let mut push = |lobe: Lobe, [x, y, u_lobe, _]: [f32; 4], factor: f32, share: f32| {
+    let mut push = |lobe: Lobe, [x, y, u_lobe, _]: [f32; 4], factor: f32, share: f32, count: u32| {
         let mode = TransportMode::Radiance;
         let sample = shading.bsdf.sample_lobe(lobe, shading.wo_local, u_lobe, Vec2::new(x, y), mode);
         let Some(sample) = sample else { return };
@@ -52,6 +53,8 @@ pub(super) fn push_scattered(
                 .filter(|_| is_glossy)
                 .map(|_| Drawn { from: receiver(scene, hit), pdf: sample.pdf_solid_angle }),
             is_glossy,
+            spread: parent.spread.max(if is_glossy { spread_of(sample.pdf_solid_angle, count) } else { 0.0 }),
+            widened: false,
             chain: parent
                 .chain
                 .filter(|_| !is_glossy)
@@ -65,11 +68,11 @@ pub(super) fn push_scattered(
             let splits = samples.splits(glossy_samples);
             let each = 1.0 / count as f32;
             for i in 0..count {
-                push(Lobe::Glossy, splits.get_4d(i), each, each * glossy.min(1.0));
+                push(Lobe::Glossy, splits.get_4d(i), each, each * glossy.min(1.0), count);
             }
         }
         if specular > 0.0 {
-            push(Lobe::Specular, [0.0, 0.0, samples.next_1d(), 0.0], 1.0, specular.min(1.0));
+            push(Lobe::Specular, [0.0, 0.0, samples.next_1d(), 0.0], 1.0, specular.min(1.0), 1);
         }
         return;
     }
@@ -80,7 +83,7 @@ pub(super) fn push_scattered(
     }
     let Some(weight) = chain_roulette(parent.depth, || samples.next_1d()) else { return };
     let (lobe, chosen, rest) = choose(u_lobe, glossy, specular);
-    push(lobe, [x, y, rest, 0.0], weight * total / chosen / survival, total.min(1.0));
+    push(lobe, [x, y, rest, 0.0], weight * total / chosen / survival, total.min(1.0), 1);
 }
 
 /// One of both lobes by their weights, its weight, and what the choice leaves of `u`.
@@ -135,16 +138,20 @@ pub(super) struct Continued {
 impl PhotonMapIntegrator<'_> {
     /// One additional ray by which approximate evaluation goes on at a surface with glossy lobes, or mixed ones (section
     /// 2: highly glossy surfaces are traced there too); `None` where it ends. `numbers` are hashes of the gather ray's own.
+    ///
+    /// From the `first` surface more often than in proportion to what it reflects, by the root of that: a floor that
+    /// mirrors a seventh of the light would else now and then bring all of what it shows. Always would be too often, since a
+    /// ray that goes on costs as much as one more.
     pub(super) fn continue_gathering(
         &self,
-        medium: Surroundings,
+        (medium, first): (Surroundings, bool),
         hit: &SurfaceInteraction,
         shading: &Shading,
         numbers: [f32; 4],
     ) -> Option<Continued> {
         let [_, glossy, specular] = shading.bsdf.lobe_weights(shading.wo_local);
         let total = glossy + specular;
-        let survival = total.clamp(LEAST_SURVIVAL, 1.0);
+        let survival = if first { total.sqrt() } else { total }.clamp(LEAST_SURVIVAL, 1.0);
         let [x, y, u_lobe, u] = numbers;
         if !(total > 0.0) || u >= survival {
             return None;

@@ -48,7 +48,12 @@ pub(super) fn walk_specular<const N: usize>(
         scratch.counters.specular_rays += u64::from(!(first || branch.is_glossy));
         scratch.counters.glossy_rays += u64::from(branch.is_glossy);
         let (chain, ray, rare) = (branch.chain, branch.ray, Cell::new(0));
-        let glint = |id| chain.map_or(1.0, |chain| camera.lamp_weight(&chain, id, &ray, &rare));
+        let widened = Cell::new(branch.widened);
+        let glint = |id| match chain {
+            Some(chain) => camera.lamp_weight(&chain, id, &ray, &rare),
+            None if widened.get() && camera.has_widened(id, &ray) => 0.0,
+            None => 1.0,
+        };
         let Some((hit, passed)) = scene.intersect_within(&branch.ray, &mut branch.medium) else {
             let found = outside(scene, lights, branch.drawn, branch.ray.direction, glint);
             out.add(part(Aov::Emission), branch.throughput * found);
@@ -61,6 +66,7 @@ pub(super) fn walk_specular<const N: usize>(
         if passed {
             // Shadow rays end at every surface, also at one that is not there for this ray.
             branch.drawn = None;
+            widened.set(false);
         }
         let medium = scene.medium(branch.medium.medium());
         if !medium.is_clear() {
@@ -73,6 +79,7 @@ pub(super) fn walk_specular<const N: usize>(
         let bsdf = &shading.bsdf;
         if bsdf.has_specular() || bsdf.has_glossy() {
             scratch.counters.interfaces += 1;
+            let before = branches.len();
             scratch.counters.medium_mismatches += u64::from(scene.mismatch(&hit, branch.medium).is_some());
             if branch.depth + 1 >= max_depth {
                 scratch.counters.truncated += 1;
@@ -81,6 +88,13 @@ pub(super) fn walk_specular<const N: usize>(
             } else {
                 let how = (scene, lights, glossy_samples);
                 push_scattered(&mut branches, &branch, how, &hit, &shading, samples);
+            }
+            for next in branches[before..].iter_mut().filter(|next| branch.spread > 0.0 && !next.is_glossy) {
+                let at = (&hit, &shading);
+                if let Some(found) = camera.widened((&branch, next), at, samples, scratch) {
+                    next.widened = true;
+                    out.add(Aov::Specular, found);
+                }
             }
         }
         if bsdf.is_delta() {

@@ -1,0 +1,131 @@
+//! Lamps that mirrors and glass show to a glossy surface.
+//!
+//! A ray of a glossy lobe goes on from a mirror and meets a lamp: what the camera sees is no image of the lamp, but its light spread over
+//! the lobe. No shadow ray finds it and the chance to meet it is small, so that it comes as white dots. The mirror is therefore taken
+//! for less sharp than it is there (path-space regularisation: Kaplanyan & Dachsbacher, "Path Space Regularization for Holistic and
+//! Robust Light Transport", Eurographics 2013): light of small lamps is spread over a cone around the mirrored direction and found by
+//! shadow rays. The cone is as wide as what the ray stands for, among the others of its lobe and pixel, is spread by
+//! the mirror: it vanishes as samples become many, and what a mirror shows sharply itself is not touched.
+
+use super::hunt::{Hunter, Lamp};
+use crate::bsdf::{Lobe, TransportMode};
+use crate::integrators::Scratch;
+use crate::integrators::direct::receiver;
+use crate::integrators::specular::Branch;
+use crate::lights::LightId;
+use crate::math::{Frame, Ray, Rgb};
+use crate::sampling::{ONE_MINUS_EPSILON, SampleStream};
+use crate::scene::{Shading, SurfaceInteraction};
+use glam::Vec2;
+use std::f32::consts::{PI, TAU};
+
+/// Tangent of the angle under which a lamp is seen up to which its light is spread.
+const LARGEST_LAMP: f32 = 0.1;
+
+/// Tangent of the angle of the widest cone.
+const WIDEST: f32 = 0.5;
+
+/// Tangent of the angle of a cone for which a ray drawn with this density per solid angle, one of `count` of the same camera
+/// sample, stands. Camera samples make it narrower ([`Hunter::widened`]).
+///
+/// By the root of their count and not in proportion: each ray's cone would else be smaller by as much as they are more, and noise
+/// would not shrink.
+pub(in crate::integrators) fn spread_of(pdf: f32, count: u32) -> f32 {
+    (1.0 / (PI * pdf * (count as f32).sqrt())).sqrt()
+}
+
+impl Hunter<'_> {
+    /// Radiance that a specular lobe sends back along the ray `before`, of lamps that shadow rays find in a cone around where
+    /// that lobe continues it: with the `branch`, whose [`Branch::throughput`] is contained. `samples` of the camera share a pixel.
+    pub(in crate::integrators) fn widened(
+        &self,
+        (before, branch): (&Branch, &Branch),
+        (hit, shading): (&SurfaceInteraction, &Shading),
+        camera_samples: f32,
+        samples: &mut SampleStream,
+        scratch: &mut Scratch,
+    ) -> Rgb {
+        let mut sum = Rgb::ZERO;
+        for lamp in &self.lamps {
+            let Some((along, across)) =
+                lamp.seen_from(&branch.ray).filter(|_| lamp.is_below(&branch.ray, LARGEST_LAMP))
+            else {
+                continue;
+            };
+            if !(across.length() < (WIDEST + LARGEST_LAMP) * along) {
+                continue;
+            }
+            let spread = before.spread / camera_samples.max(1.0).powf(0.25);
+            let least = spread.max(lamp.radius / along);
+            let u = samples.next_2d();
+            let width = self.moved_aside((before, branch), (hit, shading), (lamp, along), spread, u.x * TAU);
+            let width = width.unwrap_or(least).clamp(least.min(WIDEST), WIDEST);
+            let cos_width = 1.0 / (1.0 + width * width).sqrt();
+            let at = receiver(self.scene, hit);
+            let Some(light) = self.scene.lights()[lamp.id as usize].sample_li(at, samples.next_2d()) else {
+                continue;
+            };
+            let same_side =
+                light.wi.dot(shading.geometric) * branch.ray.direction.dot(shading.geometric) > 0.0;
+            if !same_side || light.wi.dot(branch.ray.direction) < cos_width {
+                continue;
+            }
+            scratch.counters.shadow_rays += 1;
+            let ray = light.target.map_or_else(|| hit.spawn(light.wi), |target| hit.spawn_to(target));
+            if self.scene.occluded(&ray) {
+                continue;
+            }
+            let medium = self.scene.medium(branch.medium.medium());
+            let transmittance =
+                if medium.is_clear() { Rgb::ONE } else { medium.transmittance(light.distance) };
+            let cone = TAU * (1.0 - cos_width);
+            sum += branch.throughput * transmittance * light.radiance_over_pdf / cone;
+        }
+        if sum.is_finite() { sum } else { Rgb::ZERO }
+    }
+
+    /// Whether [`Self::widened`] has found the light of a lamp already that the ray it widened meets.
+    pub(in crate::integrators) fn has_widened(&self, id: LightId, ray: &Ray) -> bool {
+        self.lamps.iter().any(|lamp| lamp.id == id && lamp.is_below(ray, LARGEST_LAMP))
+    }
+
+    /// Tangent of the angle by which the continued ray moves at the lamp where the one before it starts in a direction beside;
+    /// `None` where that does not meet the same surface.
+    fn moved_aside(
+        &self,
+        (before, branch): (&Branch, &Branch),
+        (hit, shading): (&SurfaceInteraction, &Shading),
+        (lamp, along): (&Lamp, f32),
+        spread: f32,
+        azimuth: f32,
+    ) -> Option<f32> {
+        let frame = Frame::from_z(before.ray.direction);
+        let beside = frame.to_world((Vec2::from_angle(azimuth) * spread).extend(1.0)).normalize();
+        let mut medium = before.medium;
+        let (other, _) =
+            self.scene.intersect_within(&Ray { direction: beside, ..before.ray }, &mut medium)?;
+        if other.surface != hit.surface {
+            return None;
+        }
+        let transmission =
+            branch.ray.direction.dot(shading.geometric) * before.ray.direction.dot(shading.geometric) > 0.0;
+        let by = self.scene.shading_within(&other, medium);
+        let u = if transmission { ONE_MINUS_EPSILON } else { 0.0 };
+        let sample =
+            by.bsdf.sample_lobe(Lobe::Specular, by.wo_local, u, Vec2::ZERO, TransportMode::Radiance)?;
+        if sample.transmission != transmission {
+            return None;
+        }
+        let frame = Frame::from_z(branch.ray.direction);
+        let direction = frame.to_local(by.frame.to_world(sample.wi));
+        if !(direction.z > 0.0) {
+            return Some(WIDEST);
+        }
+        let slope = direction.truncate() / direction.z;
+        if lamp.is_sun {
+            return Some(slope.length());
+        }
+        let origin = frame.to_local(other.point.position - hit.point.position);
+        Some((origin.truncate() + slope * (along - origin.z)).length() / along)
+    }
+}
