@@ -12,6 +12,10 @@ use std::cell::Cell;
 /// Points in a leaf: few, since a search wants one.
 const LEAF: usize = 8;
 
+/// Share of the radius of its estimate within which a point answers for places where something is between ([`IrradianceMap::near`]): less
+/// than the estimate itself blurs, and what small things with gaps between them, as beads, need.
+const LEAST_SEEN: f32 = 0.2;
+
 /// Irradiance at some photons of a map, ready to be read by final gather rays (Christensen, "Faster Photon Map Global
 /// Illumination", Journal of Graphics Tools 4(3), 1999).
 ///
@@ -152,7 +156,8 @@ impl PhotonMap {
                 });
                 let irradiance = by_photons.value + by_lights.unwrap_or(Rgb::ZERO);
                 // Not a number, which counts as infinite, where the share is infinite and the radius zero.
-                let reach = reach.get().min(share * by_photons.radius);
+                let least = if share.is_finite() { LEAST_SEEN * by_photons.radius } else { 0.0 };
+                let reach = reach.get().max(least).min(share * by_photons.radius);
                 let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
                 IrradiancePoint {
                     position: photon.position,

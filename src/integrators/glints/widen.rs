@@ -36,7 +36,8 @@ pub(in crate::integrators) fn spread_of(pdf: f32, count: u32) -> f32 {
 
 impl Hunter<'_> {
     /// Radiance that a specular lobe sends back along the ray `before`, of lamps that shadow rays find in a cone around where
-    /// that lobe continues it: with the `branch`, whose [`Branch::throughput`] is contained. `samples` of the camera share a pixel.
+    /// that lobe continues it: with the `branch`, whose [`Branch::throughput`] is contained. A pixel has this many
+    /// `camera_samples`.
     pub(in crate::integrators) fn widened(
         &self,
         (before, branch): (&Branch, &Branch),
@@ -60,14 +61,16 @@ impl Hunter<'_> {
             let u = samples.next_2d();
             let width = self.moved_aside((before, branch), (hit, shading), (lamp, along), spread, u.x * TAU);
             let width = width.unwrap_or(least).clamp(least.min(WIDEST), WIDEST);
-            let cos_width = 1.0 / (1.0 + width * width).sqrt();
+            // One less the cosine, without the rounding of that of a narrow cone.
+            let secant_squared = 1.0 + width * width;
+            let versine = width * width / (secant_squared + secant_squared.sqrt());
             let at = receiver(self.scene, hit);
             let Some(light) = self.scene.lights()[lamp.id as usize].sample_li(at, samples.next_2d()) else {
                 continue;
             };
             let same_side =
                 light.wi.dot(shading.geometric) * branch.ray.direction.dot(shading.geometric) > 0.0;
-            if !same_side || light.wi.dot(branch.ray.direction) < cos_width {
+            if !same_side || light.wi.distance_squared(branch.ray.direction) > 2.0 * versine {
                 continue;
             }
             scratch.counters.shadow_rays += 1;
@@ -78,8 +81,7 @@ impl Hunter<'_> {
             let medium = self.scene.medium(branch.medium.medium());
             let transmittance =
                 if medium.is_clear() { Rgb::ONE } else { medium.transmittance(light.distance) };
-            let cone = TAU * (1.0 - cos_width);
-            sum += branch.throughput * transmittance * light.radiance_over_pdf / cone;
+            sum += branch.throughput * transmittance * light.radiance_over_pdf / (TAU * versine);
         }
         if sum.is_finite() { sum } else { Rgb::ZERO }
     }

@@ -153,8 +153,9 @@ impl PhotonMaps {
 const LEAST_CAUSTIC_NEAREST: u32 = 32;
 
 /// How far from a point its precomputed caustics are read, as a share of the radius of its estimate. Points lie at every fourth
-/// photon, so that where there are as many as an estimate wants nearly all places are nearer.
-pub const CAUSTIC_POINT_REACH: f32 = 0.3;
+/// photon, so that where there are as many as an estimate wants nearly all places are nearer than a third; few photons spread
+/// their light over most of the radius anyway.
+pub const CAUSTIC_POINT_REACH: f32 = 0.5;
 
 /// Share of a camera sample up to which caustics are read at points.
 const LARGEST_SHARE_NEARBY: f32 = 0.5;

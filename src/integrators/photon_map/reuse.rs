@@ -8,8 +8,8 @@ use glam::Vec3;
 /// Estimates that are remembered: of what a pixel shows directly and by way of specular surfaces.
 const REMEMBERED: usize = 4;
 
-/// Cosine between the normals of places that may share an estimate: 2.6 degrees.
-const LEAST_COSINE: f32 = 0.999;
+/// Cosine between the normals of places that may share an estimate: 10 degrees, so that small round things share theirs too.
+const LEAST_COSINE: f32 = 0.985;
 
 /// Distance from the tangent plane over the distance that is allowed within it, up to which a place is of the same surface.
 const LARGEST_STEP: f32 = 0.1;
@@ -80,7 +80,7 @@ mod tests {
         assert_eq!(all.at(Vec3::X * 0.09, Vec3::Z), Some(Rgb::ONE));
         assert!(all.at(Vec3::X * 0.11, Vec3::Z).is_none());
         assert!(all.at(Vec3::ZERO, Vec3::NEG_Z).is_none(), "the other side");
-        assert!(all.at(Vec3::ZERO, Vec3::new(0.1, 0.0, 0.995)).is_none(), "another slope");
+        assert!(all.at(Vec3::ZERO, Vec3::new(0.2, 0.0, 0.98)).is_none(), "another slope");
         assert!(all.at(Vec3::Z * 0.05, Vec3::Z).is_none(), "a step above");
         assert!(all.at(Vec3::NAN, Vec3::Z).is_none());
         // Without reach, as at a wall, nothing is kept.
