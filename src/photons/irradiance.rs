@@ -24,7 +24,7 @@ const LEAST_SEEN: f32 = 0.2;
 pub struct IrradianceMap {
     tree: KdTree<LEAF>,
     /// Irradiance, and how far one can go from the point in every direction before something stands in the way, as far
-    /// as feelers told; infinite in the open.
+    /// as feelers told; infinite in the open, and for [`Self::near`] a share of the radius of its estimate.
     values: Vec<(Rgbe, f32)>,
 }
 

@@ -205,8 +205,12 @@ impl RenderPlan {
             Decision::no("there is no caustic map")
         } else if integrator == IntegratorKind::Progressive {
             Decision::no("estimates shrink from round to round")
+        } else if !self.glossy_sampling.build {
+            Decision::no("no highly glossy surface shows them blurred")
+        } else if Facts::of(scene).lambert == 0 {
+            Decision::no("no Lambertian surface: what is reflected depends on where light comes from")
         } else {
-            Decision::yes("behind glossy and diffuse reflections the nearest point tells them")
+            Decision::yes("behind glossy reflections, and for gather rays, the nearest point tells them")
         };
         let choice = scene.light_choice();
         self.direct_at_points = if !choice.groups().is_empty() {

@@ -56,11 +56,13 @@ impl Hunter<'_> {
             if !(across.length() < (WIDEST + LARGEST_LAMP) * along) {
                 continue;
             }
-            let spread = before.spread / camera_samples.max(1.0).powf(0.25);
+            // No wider where the density is next to nothing.
+            let spread = (before.spread / camera_samples.max(1.0).powf(0.25)).min(WIDEST);
             let least = spread.max(lamp.radius / along);
             let u = samples.next_2d();
             let width = self.moved_aside((before, branch), (hit, shading), (lamp, along), spread, u.x * TAU);
-            let width = width.unwrap_or(least).clamp(least.min(WIDEST), WIDEST);
+            let width =
+                width.filter(|width| width.is_finite()).unwrap_or(least).clamp(least.min(WIDEST), WIDEST);
             // One less the cosine, without the rounding of that of a narrow cone.
             let secant_squared = 1.0 + width * width;
             let versine = width * width / (secant_squared + secant_squared.sqrt());
@@ -83,7 +85,7 @@ impl Hunter<'_> {
                 if medium.is_clear() { Rgb::ONE } else { medium.transmittance(light.distance) };
             sum += branch.throughput * transmittance * light.radiance_over_pdf / (TAU * versine);
         }
-        if sum.is_finite() { sum } else { Rgb::ZERO }
+        sum
     }
 
     /// Whether [`Self::widened`] has found the light of a lamp already that the ray it widened meets.
