@@ -169,7 +169,7 @@ fn contradictions_are_refused_before_anything_is_touched() {
         (u32::MAX, u32::MAX, vec![ok], vec![]),
     ];
     for (width, height, layers, metadata) in cases {
-        let image = Image { width, height, layers, metadata };
+        let image = Image { layers, metadata, ..Image::new(width, height) };
         let error = write_exr(&path, &image).expect_err("refused");
         assert!(matches!(error, ImageError::Inconsistent { .. }), "{error}");
     }

@@ -164,7 +164,7 @@ bool write_strips(ImageOutput& output, const ImageSpec& spec, const OiioLayer* l
       for (size_t i = 0; i < count; ++i) std::memcpy(destination + i * pixel_bytes, source + i * bytes, bytes);
       destination += bytes;
     }
-    if (!output.write_scanlines(y, end, 0, memory, strip.data())) return false;
+    if (!output.write_scanlines(spec.y + y, spec.y + end, 0, memory, strip.data())) return false;
   }
   return true;
 }
@@ -248,6 +248,16 @@ bool oiio_spec_set_double(OiioSpec* spec, const char* name, double value)
   });
 }
 
+void oiio_spec_set_window(OiioSpec* spec, int32_t x, int32_t y, int32_t full_width, int32_t full_height)
+{
+  spec->spec.x = x;
+  spec->spec.y = y;
+  spec->spec.full_x = 0;
+  spec->spec.full_y = 0;
+  spec->spec.full_width = full_width;
+  spec->spec.full_height = full_height;
+}
+
 bool oiio_write(int descriptor, const char* format, const OiioSpec* spec, const OiioLayer* layers, int32_t layer_count,
                 OiioFormat memory, OiioError* error)
 {
@@ -325,6 +335,26 @@ int32_t oiio_input_width(const OiioInput* input)
 int32_t oiio_input_height(const OiioInput* input)
 {
   return input->spec.height;
+}
+
+int64_t oiio_input_x(const OiioInput* input)
+{
+  return int64_t{input->spec.x} - input->spec.full_x;
+}
+
+int64_t oiio_input_y(const OiioInput* input)
+{
+  return int64_t{input->spec.y} - input->spec.full_y;
+}
+
+int32_t oiio_input_full_width(const OiioInput* input)
+{
+  return input->spec.full_width;
+}
+
+int32_t oiio_input_full_height(const OiioInput* input)
+{
+  return input->spec.full_height;
 }
 
 int32_t oiio_input_depth(const OiioInput* input)

@@ -51,6 +51,9 @@ bool oiio_spec_set_int(OiioSpec* spec, const char* name, int32_t value);
 bool oiio_spec_set_float(OiioSpec* spec, const char* name, float value);
 bool oiio_spec_set_double(OiioSpec* spec, const char* name, double value);
 
+/// Says that the picture is a window of a larger one of this size: its first pixel is that one's pixel (x, y).
+void oiio_spec_set_window(OiioSpec* spec, int32_t x, int32_t y, int32_t full_width, int32_t full_height);
+
 /// Some channels of a picture to write: rows from the top, channels interleaved, without padding.
 typedef struct OiioLayer {
   const void* pixels;
@@ -81,6 +84,11 @@ int32_t oiio_input_width(const OiioInput* input);
 int32_t oiio_input_height(const OiioInput* input);
 int32_t oiio_input_depth(const OiioInput* input);
 int32_t oiio_input_channels(const OiioInput* input);
+/// Where the part begins in the larger picture that it is a window of, and the size of that: 0, 0 and its own size where it is whole.
+int64_t oiio_input_x(const OiioInput* input);
+int64_t oiio_input_y(const OiioInput* input);
+int32_t oiio_input_full_width(const OiioInput* input);
+int32_t oiio_input_full_height(const OiioInput* input);
 bool oiio_input_is_deep(const OiioInput* input);
 
 /// Bytes that decoding one block of the file (a tile, or a row) takes.

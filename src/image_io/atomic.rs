@@ -1,8 +1,10 @@
 //! Files that are complete or not there at all.
 
+use std::ffi::OsString;
 use std::fs::{self, File, Permissions};
 use std::io::{self, ErrorKind, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
@@ -17,7 +19,7 @@ const MOST_LINKS: usize = 40;
 /// the file that it leads to is the one that changes.
 ///
 /// The temporary file is in the folder of that file, since only there can it be renamed in one step, and is removed on
-/// every error and on unwinding.
+/// every error and on unwinding. What a process that was killed left there for the same file is removed first.
 pub(super) fn write_atomically<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&File) -> Result<(), E>,
@@ -35,6 +37,16 @@ pub(super) fn write_atomically<E: From<io::Error>>(
 pub(super) fn check(path: &Path) -> io::Result<()> {
     let mut file = temporary_beside(&destination(path)?)?;
     file.write_all(&PROBE).and_then(|()| file.as_file().sync_all())
+}
+
+/// Fills a file as [`write_atomically`] does, which then never takes its name.
+pub(super) fn try_beside<E: From<io::Error>>(
+    path: &Path,
+    fill: impl FnOnce(&File) -> Result<(), E>,
+) -> Result<(), E> {
+    let file = temporary_beside(&destination(path)?)?;
+    fill(file.as_file())?;
+    Ok(file.as_file().sync_all()?)
 }
 
 /// The file that `path` means: at the end of symbolic links, and nothing but a file or not there yet. Its folder is as
@@ -65,17 +77,69 @@ pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+/// What the names of temporary files end in.
+const SUFFIX: &str = ".cardioid.tmp";
+
+/// Random letters in the name of a temporary file.
+const RANDOM: usize = 6;
+
+/// Attempts to create a temporary file that nobody takes for an abandoned one.
+const ATTEMPTS: usize = 8;
+
+/// A temporary file for `path`. It is locked for as long as it is open, which tells it from files that killed processes left.
 fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
-    let mut prefix = std::ffi::OsString::from(".");
+    let mut prefix = OsString::from(".");
     prefix.push(path.file_name().unwrap_or_default());
     prefix.push(".");
-    tempfile::Builder::new()
-        .prefix(&prefix)
-        .suffix(".tmp")
-        // A picture is like any other file: for whom the user's umask says. (The default is the user alone.)
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder_of(path))
-        .map_err(without_path)
+    remove_abandoned(folder_of(path), prefix.as_bytes());
+    let create = || {
+        tempfile::Builder::new()
+            .prefix(&prefix)
+            .suffix(SUFFIX)
+            .rand_bytes(RANDOM)
+            // A picture is like any other file: for whom the user's umask says. (The default is the user alone.)
+            .permissions(Permissions::from_mode(0o666))
+            .tempfile_in(folder_of(path))
+            .map_err(without_path)
+    };
+    for _ in 1..ATTEMPTS {
+        let file = create()?;
+        // A disk without locks has none of these files removed, by whomever.
+        let _ = file.as_file().try_lock();
+        // Between creation and lock another process may have removed it.
+        if is_at(file.as_file(), file.path()) {
+            return Ok(file);
+        }
+    }
+    create()
+}
+
+/// Whether this open file is the one of this name.
+fn is_at(file: &File, path: &Path) -> bool {
+    let identity = |found: fs::Metadata| (found.dev(), found.ino());
+    let found = (file.metadata().map(identity), fs::symlink_metadata(path).map(identity));
+    matches!(found, (Ok(a), Ok(b)) if a == b)
+}
+
+/// Removes temporary files with this start of their names whose process is gone, so that nobody holds their lock. What cannot be
+/// read, locked or removed stays.
+fn remove_abandoned(folder: &Path, prefix: &[u8]) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let middle =
+            name.as_bytes().strip_prefix(prefix).and_then(|rest| rest.strip_suffix(SUFFIX.as_bytes()));
+        let is_ours = middle.is_some_and(|middle| middle.len() == RANDOM);
+        if !is_ours || !entry.file_type().is_ok_and(|kind| kind.is_file()) {
+            continue;
+        }
+        let path = entry.path();
+        let Ok(file) = File::options().read(true).write(true).open(&path) else { continue };
+        if file.try_lock().is_ok() && is_at(&file, &path) {
+            // Where it fails, the next run tries again.
+            let _ = fs::remove_file(&path);
+        }
+    }
 }
 
 /// The same error without the name of the temporary file, which tells the user nothing.
@@ -128,6 +192,37 @@ mod tests {
         assert_eq!(result.expect_err("refused").kind(), io::ErrorKind::StorageFull);
         assert_eq!(fs::read(&path).expect("read"), b"old");
         assert_eq!(names_in(folder.path()), ["picture"]);
+    }
+
+    /// What a killed process left is removed by the next write to the same file, and nothing else is.
+    #[test]
+    fn abandoned_files_are_removed_and_those_in_use_are_not() {
+        let folder = tempfile::tempdir().expect("folder");
+        let at = |name: &str| folder.path().join(name);
+        let abandoned = [".picture.aaaaaa.cardioid.tmp", ".picture.bbbbbb.cardioid.tmp"];
+        let kept = [
+            ".other.aaaaaa.cardioid.tmp",
+            ".picture.aaaaaa.tmp",
+            ".picture.aaaaaaa.cardioid.tmp",
+            ".picture.in-use.cardioid.tmp",
+        ];
+        for name in abandoned.iter().chain(&kept) {
+            fs::write(at(name), "half").expect("written");
+        }
+        let in_use = File::open(at(kept[3])).expect("open");
+        in_use.try_lock().expect("locked");
+        write_atomically(&at("picture"), |mut file| {
+            // A second process that writes the same file at the same time.
+            write_atomically(&at("picture"), |mut file| file.write_all(b"other"))?;
+            file.write_all(b"new")
+        })
+        .expect("written");
+        assert_eq!(fs::read(at("picture")).expect("read"), b"new");
+        let mut names = names_in(folder.path());
+        names.sort();
+        let mut expected: Vec<_> = kept.iter().chain(&["picture"]).map(|name| (*name).to_owned()).collect();
+        expected.sort();
+        assert_eq!(names, expected);
     }
 
     #[test]

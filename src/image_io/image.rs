@@ -7,17 +7,32 @@ pub struct Image {
     pub width: u32,
     /// Rows.
     pub height: u32,
+    /// The larger picture that this one is a window of; `None` where it is whole.
+    pub window: Option<Window>,
     /// The layers, in order of writing. A file that was read has them in the order of their names.
     pub layers: Vec<Layer>,
     /// Names and values of what else the file says.
     pub metadata: Vec<(String, MetadataValue)>,
 }
 
+/// Where in a larger picture a picture has its place: what a crop window rendered, which viewers show at that place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Column of the larger picture that is the first here.
+    pub x: i64,
+    /// Row of the larger picture that is the first here.
+    pub y: i64,
+    /// Pixels in a row of the larger picture.
+    pub full_width: u32,
+    /// Its rows.
+    pub full_height: u32,
+}
+
 impl Image {
     /// A picture without layers or metadata.
     #[must_use]
     pub const fn new(width: u32, height: u32) -> Self {
-        Self { width, height, layers: Vec::new(), metadata: Vec::new() }
+        Self { width, height, window: None, layers: Vec::new(), metadata: Vec::new() }
     }
 
     /// The layer of this name; the picture proper has the empty name.

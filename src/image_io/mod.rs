@@ -3,7 +3,8 @@
 //! [`write_exr`], [`write_png`], [`write_text`] and [`write_bytes`] are atomic: what is written goes to a temporary file in the same
 //! folder, which takes the final name only when it is complete and on the disk. Whatever fails or is interrupted on the way, the final name holds
 //! either the whole new picture or what was there before, and the temporary file is removed. (A process that is killed
-//! outright, by `SIGKILL` or a power cut, cannot remove it: `.NAME.*.tmp` is then left, and means nothing to anybody.)
+//! outright, by `SIGKILL` or a power cut, cannot remove it: `.NAME.*.cardioid.tmp` is then left, and removed by the next write to
+//! the same file.)
 //!
 //! [`read`] trusts nothing: a file's size is checked against a limit before memory is taken for it, and a file that is
 //! damaged is an error.
@@ -18,12 +19,13 @@ mod tiled;
 mod write;
 
 pub use error::ImageError;
-pub use image::{Image, Layer, MetadataValue};
+pub use image::{Image, Layer, MetadataValue, Window};
 pub use oiio::{library_failure, library_version, load_library};
 pub use read::{DEFAULT_LIMIT, read, read_bytes, read_with_limit};
 pub use tiled::{TiledImage, set_tile_memory, take_tile_failures};
 pub use write::{
-    PngPixels, check_writable, is_same_file, write_bytes, write_exr, write_png, write_text, write_with,
+    PngPixels, check_writable, is_same_file, is_written_by_cardioid, time_to_write_exr, write_bytes,
+    write_exr, write_png, write_text, write_with,
 };
 
 /// Whether an attribute says how a file is stored, not what is in it: such are orders to OpenImageIO when writing, and what it

@@ -10,7 +10,7 @@ use std::ptr::NonNull;
 
 use oiio_sys as sys;
 
-use super::{ImageError, MetadataValue};
+use super::{ImageError, MetadataValue, Window};
 
 mod tiles;
 
@@ -127,6 +127,18 @@ impl<T: Sample> Spec<T> {
         Ok(Self { shim, spec, pixels: width as usize * height as usize, channels, sample: PhantomData })
     }
 
+    /// The picture is a window of a larger one.
+    pub(super) fn set_window(&mut self, window: Window) -> Result<(), Failure> {
+        let number =
+            |n: i64| i32::try_from(n).map_err(|_| Failure::Library("a window beyond 2^31 pixels".to_owned()));
+        let Window { x, y, full_width, full_height } = window;
+        let [x, y] = [number(x)?, number(y)?];
+        let [full_width, full_height] = [number(full_width.into())?, number(full_height.into())?];
+        // SAFETY: the description is live, and the rest are plain numbers.
+        unsafe { self.shim.oiio_spec_set_window(self.spec.as_ptr(), x, y, full_width, full_height) };
+        Ok(())
+    }
+
     pub(super) fn set_channel_name(&mut self, channel: usize, name: &CStr) -> Result<(), Failure> {
         let channel = i32::try_from(channel).unwrap_or(i32::MAX);
         // SAFETY: the description is live and the shim checks the channel.
@@ -233,6 +245,24 @@ impl Input {
             ]
         };
         size.map(|number| u32::try_from(number).unwrap_or(0))
+    }
+
+    /// The larger picture that this one is a window of; `None` where it is whole.
+    pub(super) fn window(&self) -> Option<Window> {
+        let input = self.input.as_ptr();
+        // SAFETY: the input is live, and these only read it.
+        let (x, y, width, height) = unsafe {
+            (
+                self.shim.oiio_input_x(input),
+                self.shim.oiio_input_y(input),
+                self.shim.oiio_input_full_width(input),
+                self.shim.oiio_input_full_height(input),
+            )
+        };
+        let positive = |number: i32| u32::try_from(number).unwrap_or(0);
+        let window = Window { x, y, full_width: positive(width), full_height: positive(height) };
+        let [width, height, ..] = self.size();
+        (window != Window { x: 0, y: 0, full_width: width, full_height: height }).then_some(window)
     }
 
     pub(super) fn is_deep(&self) -> bool {

@@ -44,7 +44,7 @@ pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, Imag
     let c_path = CString::new(path.as_os_str().as_bytes()).map_err(|error| unreadable(path, error.into()))?;
     let mut input = Input::open(&c_path, format).map_err(|failure| damaged(path, failure))?;
     let [width, height, ..] = input.size();
-    let mut image = Image::new(width, height);
+    let mut image = Image { window: input.window(), ..Image::new(width, height) };
     let mut layers = Layers::default();
     let mut values = 0;
     // Other formats have pages or frames, of which the first is the picture.
@@ -132,7 +132,7 @@ fn check_part(path: &Path, input: &Input, image: &Image, limit: u64) -> Result<u
     if depth > 1 {
         return Err(unsupported("a volume"));
     }
-    if (width, height) != (image.width, image.height) {
+    if (width, height, input.window()) != (image.width, image.height, image.window) {
         return Err(unsupported("a picture of parts of different sizes"));
     }
     let values = u64::from(width) * u64::from(height);

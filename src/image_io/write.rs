@@ -1,14 +1,16 @@
 //! Writing pictures.
 
 use std::collections::BTreeSet;
-use std::ffi::CString;
-use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::ffi::{CStr, CString};
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Read, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
-use super::atomic::{check, destination, write_atomically};
-use super::oiio::{Failure, Sample, Spec};
-use super::{Image, ImageError, Layer, MetadataValue, is_storage};
+use super::atomic::{check, destination, try_beside, write_atomically};
+use super::oiio::{Failure, Sample, Spec, load_library};
+use super::{Image, ImageError, Layer, MetadataValue, Window, exr_header, is_storage};
 
 /// Longest name of a channel that EXR allows, in bytes.
 const LONGEST_NAME: usize = 255;
@@ -22,9 +24,28 @@ pub fn check_writable(path: impl AsRef<Path>) -> Result<(), ImageError> {
     check(path).map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
 }
 
-/// True where writing to both would write one file, through whatever links. False where either cannot be written to.
+/// True where both names lead to one file, through whatever links, hard ones too, or writing to both would write one file.
 pub fn is_same_file(a: impl AsRef<Path>, b: impl AsRef<Path>) -> bool {
-    matches!((destination(a.as_ref()), destination(b.as_ref())), (Ok(a), Ok(b)) if a == b)
+    let (a, b) = (a.as_ref(), b.as_ref());
+    let is_one_name = matches!((destination(a), destination(b)), (Ok(a), Ok(b)) if a == b);
+    // Also where the disk does not distinguish capitals.
+    let identity = |path| fs::metadata(path).map(|found| (found.dev(), found.ino()));
+    is_one_name || matches!((identity(a), identity(b)), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Bytes at the start of a file in which its mark is looked for: more than any header that this program writes.
+const MARKED: u64 = 1 << 22;
+
+/// Whether a file bears the mark of this program: metadata `cardioid/version` of an EXR, the text `Software` of a PNG, the first
+/// bytes of photon maps and of rounds. False where it cannot be read.
+pub fn is_written_by_cardioid(path: impl AsRef<Path>) -> bool {
+    const STARTS: [&[u8]; 4] =
+        [&exr_header::MAGIC, b"\x89PNG\r\n\x1a\n", b"\x89CPM\r\n\x1a\n", b"cardioid rounds\n"];
+    const MARKS: [&[u8]; 4] = [b"cardioid/version\0", b"Software\0cardioid ", b"CPM", b"cardioid rounds"];
+    let mut head = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MARKED).read_to_end(&mut head));
+    let holds = |mark: &[u8]| head.windows(mark.len()).any(|bytes| bytes == mark);
+    read.is_ok() && STARTS.iter().zip(MARKS).any(|(start, mark)| head.starts_with(start) && holds(mark))
 }
 
 /// Writes a text.
@@ -79,14 +100,43 @@ pub fn write_bytes(
 /// system refuses. The file that was there before, if any, is then still there.
 pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<(), ImageError> {
     let path = path.as_ref();
+    let encode = exr_encoder(path, image)?;
+    write_atomically(path, encode).map_err(|failure| refused(path, failure))
+}
+
+/// How long writing an EXR takes, on the disk of `path`; nothing is left of it.
+///
+/// # Errors
+/// As [`write_exr`].
+pub fn time_to_write_exr(path: impl AsRef<Path>, image: &Image) -> Result<Duration, ImageError> {
+    let path = path.as_ref();
+    let encode = exr_encoder(path, image)?;
+    // Loading the library, where that was not done yet, comes once.
+    load_library();
+    let start = Instant::now();
+    try_beside(path, encode).map_err(|failure| refused(path, failure))?;
+    Ok(start.elapsed())
+}
+
+/// What fills a file with an EXR.
+fn exr_encoder<'a>(
+    path: &Path,
+    image: &'a Image,
+) -> Result<impl FnOnce(&File) -> Result<(), Failure> + 'a, ImageError> {
+    if let Some(reason) = image.window.and_then(|window| misplaced(image, window)) {
+        return Err(inconsistent(path, reason));
+    }
     let names = channel_names(image).map_err(|reason| inconsistent(path, reason))?;
     let metadata = metadata_of(image).map_err(|reason| inconsistent(path, reason))?;
-    let layers: Vec<_> =
-        image.layers.iter().map(|layer| (layer.data.as_slice(), layer.channels.len())).collect();
-    write_atomically(path, |file| {
+    Ok(move |file: &File| {
+        let layers: Vec<_> =
+            image.layers.iter().map(|layer| (layer.data.as_slice(), layer.channels.len())).collect();
         let mut spec = Spec::<f32>::new(image.width, image.height, names.len())?;
         for (i, name) in names.iter().enumerate() {
             spec.set_channel_name(i, name)?;
+        }
+        if let Some(window) = image.window {
+            spec.set_window(window)?;
         }
         spec.set_text(c"compression", c"zip")?;
         // Otherwise OpenImageIO adds the time of day, and the same picture never gives the same file. Of the wrong type, it
@@ -101,7 +151,6 @@ pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<(), ImageError
         }
         spec.write(file, c"openexr", &layers)
     })
-    .map_err(|failure| refused(path, failure))
 }
 
 /// Pixels of a PNG, row by row from the top, the channels of each side by side: as the file holds them, so already encoded
@@ -122,7 +171,14 @@ pub enum PngPixels<'a> {
     Rgba16(&'a [u16]),
 }
 
-/// Writes a PNG, marked as sRGB.
+/// What wrote a PNG, which is its mark ([`is_written_by_cardioid`]).
+const SOFTWARE: &CStr =
+    match CStr::from_bytes_with_nul(concat!("cardioid ", env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
+        Ok(text) => text,
+        Err(_) => c"cardioid ",
+    };
+
+/// Writes a PNG, marked as sRGB, and as written by this program.
 ///
 /// # Errors
 /// [`ImageError::Inconsistent`] where the pixels do not fit the size, [`ImageError::Write`] where the system refuses. The
@@ -166,6 +222,7 @@ fn write_png_samples<T: Sample>(
             spec.set_channel_name(i, name)?;
         }
         spec.set_text(c"oiio:ColorSpace", c"sRGB")?;
+        spec.set_text(c"Software", SOFTWARE)?;
         spec.set_int(c"oiio:UnassociatedAlpha", 1)?;
         spec.write(file, c"png", &[(data, channels)])
     })
@@ -182,6 +239,19 @@ fn refused(path: &Path, failure: Failure) -> ImageError {
         Failure::Library(reason) => ImageError::Encode { path: path.to_owned(), reason },
         Failure::NotLoaded(reason) => ImageError::Library { reason: reason.to_owned() },
     }
+}
+
+/// What is wrong with the place of a picture in a larger one.
+fn misplaced(image: &Image, window: Window) -> Option<String> {
+    let fits = |first: i64, length: u32, all: u32| first >= 0 && first + i64::from(length) <= i64::from(all);
+    let Window { x, y, full_width, full_height } = window;
+    let is_inside = fits(x, image.width, full_width) && fits(y, image.height, full_height);
+    (!is_inside).then(|| {
+        format!(
+            "a window of {} x {} pixels at {x}, {y} is not within {full_width} x {full_height}",
+            image.width, image.height
+        )
+    })
 }
 
 /// Number of values of a picture that has any.
