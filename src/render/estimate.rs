@@ -66,15 +66,36 @@ impl MemoryEstimate {
 
     /// Bytes at the worst moment.
     pub fn peak(&self) -> u64 {
-        let sum = |parts: &[u64]| parts.iter().copied().fold(PROGRAM, u64::saturating_add);
-        [
-            sum(&[self.meshes, self.reading]),
-            sum(&[self.meshes, self.hierarchy, self.building]),
-            sum(&[self.meshes, self.hierarchy, self.photons, self.tracing]),
-            sum(&[self.meshes, self.hierarchy, self.photons, self.film]),
-        ]
-        .into_iter()
-        .fold(0, u64::max)
+        self.worst().1.iter().map(|&(_, bytes)| bytes).fold(0, u64::saturating_add)
+    }
+
+    /// The worst moment in words, and what takes how much then.
+    pub(super) fn worst(&self) -> (&'static str, Vec<(&'static str, u64)>) {
+        let always = [("the program", PROGRAM), ("meshes", self.meshes)];
+        let scene = ("Embree's hierarchy", self.hierarchy);
+        let moments = [
+            ("while meshes are read", vec![("reading", self.reading)]),
+            ("while Embree's hierarchy is built", vec![scene, ("building it", self.building)]),
+            (
+                "while photons are traced",
+                vec![scene, ("photon maps", self.photons), ("building them", self.tracing)],
+            ),
+            (
+                "while the picture is rendered",
+                vec![scene, ("photon maps", self.photons), ("the picture", self.film)],
+            ),
+        ];
+        let sum = |parts: &[(&str, u64)]| parts.iter().map(|&(_, bytes)| bytes).fold(0, u64::saturating_add);
+        let [first, others @ ..] = moments;
+        let worst = others.into_iter().fold(first, |a, b| if sum(&b.1) > sum(&a.1) { b } else { a });
+        (worst.0, always.into_iter().chain(worst.1).collect())
+    }
+
+    /// The parts of the worst moment, in words.
+    pub(super) fn parts(&self) -> String {
+        let (_, parts) = self.worst();
+        let parts = parts.iter().filter(|(_, bytes)| *bytes > 0);
+        parts.map(|(what, bytes)| format!("{what} {}", megabytes(*bytes))).collect::<Vec<_>>().join(", ")
     }
 
     /// Refuses what is beyond `limit`, or where there is none, beyond what the machine has free.
@@ -125,7 +146,8 @@ mod tests {
         let message = estimate.check_against(Some(2_000_000_000), None).unwrap_err().to_string();
         for part in [
             "20.0 million triangles",
-            "2790 MB",
+            "2790 MB while the picture is rendered",
+            "the program 60 MB",
             "meshes 360 MB",
             "picture 900 MB",
             "--memory-limit",
@@ -135,5 +157,6 @@ mod tests {
         }
         let message = estimate.check_against(None, Some(2_000_000_000)).unwrap_err().to_string();
         assert!(message.contains("2000 MB are available"), "{message}");
+        assert!(!message.contains("  "), "{message}");
     }
 }

@@ -61,14 +61,11 @@ pub enum MemoryError {
     },
     /// With everything else.
     #[error(
-        "{:.1} million triangles, photons and the picture take {} at the worst moment (meshes {}, Embree's hierarchy {} and {} more          while it is built, photon maps {}, the picture {}), and {} {}; {}",
+        "a scene of {:.1} million triangles takes {} {}: {}; and {} {}; {}",
         estimate.triangles as f64 / 1e6,
         megabytes(estimate.peak()),
-        megabytes(estimate.meshes),
-        megabytes(estimate.hierarchy),
-        megabytes(estimate.building),
-        megabytes(estimate.photons + estimate.tracing),
-        megabytes(estimate.film),
+        estimate.worst().0,
+        estimate.parts(),
         megabytes(*most),
         if *is_limit { "are allowed by --memory-limit" } else { "are available" },
         if *is_limit {

@@ -5,6 +5,7 @@ use super::obj::material_files;
 use std::fmt::{self, Write};
 use std::fs::File;
 use std::io;
+use std::path::PathBuf;
 
 /// A hash of everything a scene is read from: its text, the values of its parameters and its mesh files, in hexadecimal.
 /// The same content gives the same hash, wherever the files are.
@@ -115,38 +116,25 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
     writeln!(out, " {transform:?} {flip_normal} {material} {caustic_photons:?} {emission:?} {group:?}")
 }
 
-/// The content of all files that shapes are read from.
-fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Result<()> {
-    for path in &scene.further_files {
-        let file = File::open(path)?;
-        hasher.update(&file.metadata()?.len().to_le_bytes());
-        hasher.update_reader(file)?;
-    }
+/// A file that a scene is read from.
+struct ReadFile {
+    path: PathBuf,
+    /// Whether there is a scene without it, with a warning: a file of materials, or a picture that one names.
+    is_optional: bool,
+}
+
+/// The files that a scene names, in the order of their use: meshes, materials, pictures, buffers, profiles of lights.
+fn named_files(scene: &SceneDescription) -> io::Result<Vec<ReadFile>> {
+    let needed = |path: &PathBuf| ReadFile { path: path.clone(), is_optional: false };
+    let mut files: Vec<ReadFile> = scene.further_files.iter().map(needed).collect();
     for shape in &scene.shapes {
         if let GeometryDescription::MeshFile { path, own_materials, .. } = &shape.value.geometry {
-            let file = File::open(path)?;
-            hasher.update(&file.metadata()?.len().to_le_bytes());
-            hasher.update_reader(file)?;
+            files.push(needed(path));
             if is_gltf_file(path) {
-                for other in further_files(path) {
-                    let file = File::open(other)?;
-                    hasher.update(&file.metadata()?.len().to_le_bytes());
-                    hasher.update_reader(file)?;
-                }
-            }
-            let libraries =
-                if *own_materials && !is_gltf_file(path) { material_files(path)? } else { Vec::new() };
-            for library in libraries {
-                // Where there is none, the picture has none of its materials either, and a warning.
-                match File::open(library) {
-                    Ok(file) => {
-                        hasher.update(&file.metadata()?.len().to_le_bytes());
-                        hasher.update_reader(file)?;
-                    }
-                    Err(_) => {
-                        hasher.update(b"no file");
-                    }
-                }
+                files.extend(further_files(path).iter().map(needed));
+            } else if *own_materials {
+                let materials = material_files(path)?.into_iter();
+                files.extend(materials.map(|path| ReadFile { path, is_optional: true }));
             }
         }
     }
@@ -154,9 +142,36 @@ fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Resu
         if let LightDescription::EnvironmentMap { image: path, .. }
         | LightDescription::Profile { file: path, .. } = &light.value
         {
-            let file = File::open(path)?;
-            hasher.update(&file.metadata()?.len().to_le_bytes());
-            hasher.update_reader(file)?;
+            files.push(needed(path));
+        }
+    }
+    Ok(files)
+}
+
+/// All files that a scene is read from: its own text, and what that names, as far as it is there. None of them may be replaced by
+/// what is written of the scene.
+///
+/// # Errors
+/// Where a mesh, which may name further files, cannot be read.
+pub fn files_of_scene(scene: &SceneDescription) -> io::Result<Vec<PathBuf>> {
+    let own = Some(&*scene.location.file).filter(|file| file.as_os_str() != MESH_SCENE_NAME);
+    let named = named_files(scene)?.into_iter().map(|file| file.path);
+    Ok(own.cloned().into_iter().chain(named).collect())
+}
+
+/// The content of all files that a scene names.
+fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Result<()> {
+    for ReadFile { path, is_optional } in named_files(scene)? {
+        match File::open(path) {
+            Ok(file) => {
+                hasher.update(&file.metadata()?.len().to_le_bytes());
+                hasher.update_reader(file)?;
+            }
+            // The picture has none of its materials either, and a warning.
+            Err(_) if is_optional => {
+                hasher.update(b"no file");
+            }
+            Err(error) => return Err(error),
         }
     }
     Ok(())

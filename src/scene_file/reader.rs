@@ -5,7 +5,7 @@
 //! keys were asked for: what is left over when it is [finished](Table::finish) is unknown and refused.
 
 use super::description::{Location, SceneWarning};
-use super::diagnostic::{Diagnostic, SceneFileError, SourceText, suggestion};
+use super::diagnostic::{Diagnostic, SceneFileError, SourceText, nearest, suggestion};
 use super::parameters::Parameters;
 use glam::DVec3;
 use std::borrow::Cow;
@@ -57,6 +57,22 @@ impl<'a> Context<'a> {
         let (message, remedy) = what();
         let diagnostic = self.source.diagnostic(span, message, remedy);
         self.diagnostics.borrow_mut().push((span.start, diagnostic));
+    }
+
+    /// Takes back an error that another one says better.
+    fn retract(&self, span: &Range<usize>, message: &str) {
+        let mut diagnostics = self.diagnostics.borrow_mut();
+        let found = diagnostics
+            .iter()
+            .rposition(|(at, diagnostic)| *at == span.start && diagnostic.message == message);
+        if let Some(index) = found {
+            diagnostics.remove(index);
+        }
+    }
+
+    /// Counts errors that are not worth a message each.
+    pub(super) fn leave_out(&self, count: u64) {
+        self.more.set(self.more.get() + count);
     }
 
     /// Records an error about the file as a whole.
@@ -355,6 +371,8 @@ pub(super) struct Table<'a> {
     span: Range<usize>,
     title: String,
     known: Vec<&'static str>,
+    /// Keys that must be there and are not, with what was said of them.
+    missing: Vec<(&'static str, String)>,
 }
 
 impl<'a> Table<'a> {
@@ -364,7 +382,7 @@ impl<'a> Table<'a> {
         span: Range<usize>,
         title: impl Into<String>,
     ) -> Self {
-        Self { context, entries, span, title: title.into(), known: Vec::new() }
+        Self { context, entries, span, title: title.into(), known: Vec::new(), missing: Vec::new() }
     }
 
     pub(super) fn context(&self) -> &'a Context<'a> {
@@ -419,10 +437,11 @@ impl<'a> Table<'a> {
     ) -> Option<T> {
         match self.get(key) {
             Some(value) => read(value),
-            None => self.refuse(
-                format!("{} has no `{key}`", self.title),
-                format!("add it, for example `{key} = {example}`"),
-            ),
+            None => {
+                let message = format!("{} has no `{key}`", self.title);
+                self.missing.push((key, message.clone()));
+                self.refuse(message, format!("add it, for example `{key} = {example}`"))
+            }
         }
     }
 
@@ -448,10 +467,15 @@ impl<'a> Table<'a> {
         self.get(key).map_or(Some(default), read)
     }
 
-    /// Refuses every key that nobody asked for.
+    /// Refuses every key that nobody asked for. One that is another misspelt is one error and not two, also where that other must
+    /// be there.
     pub(super) fn finish(self) {
         for (span, value) in self.sorted_entries() {
             if !self.known.contains(&value.name) {
+                let meant = nearest(value.name, self.known.iter().copied());
+                if let Some((_, message)) = self.missing.iter().find(|(key, _)| Some(*key) == meant) {
+                    self.context.retract(&self.span, message);
+                }
                 self.context.error_with(&span, || {
                     let message = format!("unknown key `{}` in {}", value.name, self.title);
                     (message, suggestion(value.name, &self.known))

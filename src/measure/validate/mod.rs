@@ -67,6 +67,16 @@ impl Row {
         self.mean / self.exact - 1.0
     }
 
+    /// Whether the row does not hold only as there is too much noise to tell: its mean may be right.
+    pub fn is_undecided(&self, quantile: f64) -> bool {
+        let bound = match self.claim {
+            Claim::Unbiased => ROUNDING,
+            Claim::Within(bound) => bound,
+        };
+        let off = (self.mean - self.exact).abs();
+        !self.passed && off <= quantile * self.standard_error + bound * self.exact.abs()
+    }
+
     fn judge(&mut self, quantile: f64) {
         let off = (self.mean - self.exact).abs();
         let exact = self.exact.abs();
@@ -250,11 +260,19 @@ impl Validation {
                 row.mean,
                 100.0 * row.deviation(),
                 100.0 * row.standard_error / row.exact.abs(),
-                if row.passed { "holds" } else { "**fails**" },
+                match (row.passed, row.is_undecided(self.quantile)) {
+                    (true, _) => "holds",
+                    (false, true) => "too noisy",
+                    (false, false) => "**fails**",
+                },
             );
         }
         let (held, all) = (self.rows.iter().filter(|row| row.passed).count(), self.rows.len());
         let _ = write!(text, "\n{held} of {all} hold.\n");
+        let noisy = self.rows.iter().filter(|row| row.is_undecided(self.quantile)).count();
+        if noisy > 0 {
+            let _ = write!(text, "\n{noisy} are too noisy to tell with {} seeds; take more.\n", self.seeds);
+        }
         text
     }
 }
@@ -298,6 +316,20 @@ mod tests {
         assert!(judged(1.981, 0.5, Claim::Within(0.01)));
         assert!(!judged(1.979, 0.0, Claim::Within(0.01)));
         assert!(!judged(f64::NAN, 0.0, Claim::Within(0.01)) && !judged(f64::NAN, 0.0, Claim::Unbiased));
+    }
+
+    /// With few seeds a mean may be off by its noise, which is no defect.
+    #[test]
+    fn noise_is_no_defect() {
+        let undecided = |mean, error, claim| {
+            let mut row = row(mean, error, claim);
+            row.judge(4.0);
+            row.is_undecided(4.0)
+        };
+        assert!(undecided(2.03, 0.011, Claim::Unbiased) && undecided(1.95, 0.01, Claim::Within(0.01)));
+        assert!(!undecided(2.03, 0.005, Claim::Unbiased) && !undecided(1.95, 0.001, Claim::Within(0.01)));
+        assert!(!undecided(2.0, 0.001, Claim::Unbiased), "holds");
+        assert!(!undecided(f64::NAN, 0.1, Claim::Unbiased));
     }
 
     #[test]

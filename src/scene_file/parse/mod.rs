@@ -110,17 +110,21 @@ pub fn parse_scene(
     }
 }
 
+/// Errors of the TOML parser that are told. One mistake may make many, and a file of another kind has nothing else.
+const SYNTAX_ERRORS: usize = 3;
+
 /// Errors of the TOML parser, each once: it closes nested brackets one by one.
 fn report_syntax(context: &Context<'_>, errors: &[toml::de::Error]) {
-    let mut before = None;
-    for error in errors {
-        let span = error.span().unwrap_or(0..0);
+    let told = |error: &toml::de::Error| {
         let message = format!("not TOML: {}", error.message().replace('\n', ", "));
-        if before.as_ref() != Some(&(span.clone(), message.clone())) {
-            context.error(&span, message.clone(), "");
-        }
-        before = Some((span, message));
+        (error.span().unwrap_or(0..0), message)
+    };
+    let mut errors: Vec<_> = errors.iter().map(told).collect();
+    errors.dedup();
+    for (span, message) in errors.iter().take(SYNTAX_ERRORS) {
+        context.error(span, message.clone(), "");
     }
+    context.leave_out(errors.len().saturating_sub(SYNTAX_ERRORS) as u64);
 }
 
 fn read_parameters<'a>(

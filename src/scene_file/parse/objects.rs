@@ -77,7 +77,24 @@ pub(super) fn read_body(table: &mut Table<'_>, body: Body) -> Option<Solid> {
         }
         Body::Box => {
             let (min, max) = (read_point(table, "min"), read_point(table, "max"));
-            Solid::cuboid(min?, max?)
+            let (min, max) = (min?, max?);
+            if let Some(axis) = (0..3).find(|&axis| min[axis] >= max[axis]) {
+                let name = ["x", "y", "z"][axis];
+                return table.refuse(
+                    format!(
+                        "{}: `min` is {} in {name} and `max` is {}: a box has `min` below `max` on every axis",
+                        table.title(),
+                        min[axis],
+                        max[axis]
+                    ),
+                    if min[axis] > max[axis] {
+                        "exchange the two numbers".to_owned()
+                    } else {
+                        "make one of them larger, or use a quad for something flat".to_owned()
+                    },
+                );
+            }
+            Solid::cuboid(min, max)
         }
         Body::Cylinder => {
             let (base, top) = (read_point(table, "base"), read_point(table, "top"));
