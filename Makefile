@@ -3,7 +3,7 @@
 SCENE := scenes/cornell-spheres.toml
 PICTURE := out/cornell-spheres.exr
 
-.PHONY: demo test bench peers results quality accuracy check fmt clippy doc setup
+.PHONY: demo test readme bench peers results quality accuracy check fmt clippy doc setup
 
 # Renders a scene, in a minute or so.
 demo: setup
@@ -14,6 +14,11 @@ demo: setup
 
 test: setup
 	cargo test --release --workspace
+
+# Every line of README.md that starts the program, at quick settings, in a copy of this folder.
+readme: setup
+	cargo build --release
+	tests/readme.sh target/release/cardioid
 
 bench: setup
 	cargo bench

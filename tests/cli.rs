@@ -117,7 +117,7 @@ fn wrong_command_lines() {
         (["--time-limit", "0s"], ["--time-limit", "30s"]),
         (["--time-limit", "5 weeks"], ["5 weeks", "30s"]),
         (["--cone-k", "0.5"], ["0.5", "at least 1"]),
-        (["--threads", "-1"], ["-1", "--help"]),
+        (["--threads", "-1"], ["'-1' for '--threads", "from 1 to 1024"]),
     ] {
         let mut args = vec!["render", spheres.as_str()];
         args.extend(more);
@@ -126,6 +126,214 @@ fn wrong_command_lines() {
     assert_fails(&folder, &["rendr", &spheres], 2, &["rendr", "render"]);
     assert_fails(&folder, &["render"], 2, &["SCENE"]);
     assert_fails(&folder, &["compare", "a.exr"], 2, &["TEST"]);
+}
+
+/// Whatever is written for a value, the message names the option, the value and what is allowed.
+#[test]
+fn wrong_values_of_every_option() {
+    let folder = folder();
+    let spheres = spheres();
+    let words = ["big", "", "nan", "inf", "-inf", "-1", "-1e30", "1,5", "0x10", "--quiet"];
+    let of = |extra: &[&'static str]| -> Vec<&'static str> { words.iter().chain(extra).copied().collect() };
+    let without = |left_out: &[&str]| -> Vec<&'static str> {
+        words.iter().filter(|word| !left_out.contains(word)).copied().collect()
+    };
+    let stops: Vec<&str> = of(&["1e30"]).into_iter().filter(|word| *word != "-1").collect();
+    for (command, option, values, allowed) in [
+        ("render", "--exposure", stops, "from -100 to 100"),
+        ("render", "--threads", of(&["1e30", "5000", "1.5"]), "from 1 to 1024"),
+        ("render", "--spp", of(&["0", "1e30"]), ""),
+        ("render", "--seed", of(&["1e30", "1.5"]), "from 0 to 18446744073709551615"),
+        ("render", "--global-photons", of(&["1e30", "0.5"]), "write "),
+        ("render", "--caustic-photons", of(&["1e30"]), "write a whole number"),
+        ("render", "--photons", of(&["1e30"]), "write a whole number"),
+        ("render", "--photons-memory", of(&["0", "1e30", "5", "0MB", "10 PB"]), "500MB"),
+        ("render", "--memory-limit", of(&["0", "1e30", "12", "-5GB"]), "500MB"),
+        ("render", "--texture-memory", of(&["0", "1e30"]), "500MB"),
+        ("render", "--global-radius", of(&["0"]), "metres above 0"),
+        ("render", "--caustic-radius", of(&["0"]), "metres above 0"),
+        ("render", "--cone-k", of(&["0", "0.99"]), "at least 1"),
+        ("render", "--caustic-reuse", of(&["1.01", "1e30"]), "from 0 to 1"),
+        ("render", "--accurate-distance", of(&["2"]), "from 0 to 1"),
+        ("render", "--approximate-weight", of(&["2"]), "from 0 to 1"),
+        ("render", "--cache-error", of(&["0", "2"]), "from 0.01 to 1"),
+        ("render", "--cache-samples", of(&["0", "3", "1e30"]), ""),
+        ("render", "--gather-samples", of(&["0", "1e30"]), ""),
+        ("render", "--glossy-samples", of(&["0"]), ""),
+        ("render", "--light-samples", of(&["0"]), ""),
+        ("render", "--max-depth", of(&["0"]), ""),
+        ("render", "--rounds", of(&["0"]), ""),
+        ("render", "--target-error", of(&["0", "1e30"]), "0.02 for 2 %"),
+        ("render", "--time-limit", of(&["0", "0s", "1e30", "5 weeks", "1e-9s"]), "30s"),
+        ("render", "--resolution", of(&["0x0", "100000x5", "5x"]), "WIDTHxHEIGHT"),
+        ("render", "--crop", of(&["0", "1,2,3", "5,5,5,5"]), "X0,Y0,X1,Y1"),
+        ("render", "--aim-photons", without(&[]), "true"),
+        ("render", "--quality", of(&["0"]), "preview"),
+        ("render", "--kernel", of(&["0"]), "epanechnikov"),
+        ("render", "--set", without(&[]), "NAME=VALUE"),
+        ("probe", "--from", of(&["0", "1,2"]), "three numbers"),
+        ("probe", "--samples", of(&["0"]), ""),
+        ("probe", "--lift", of(&["0"]), "metres"),
+        ("tradeoff", "--seeds", of(&["0", "101", "1.5"]), "from 1 to 100"),
+        ("tradeoff", "--time-budget", of(&["0"]), "30s"),
+        // A list.
+        ("tradeoff", "--knobs", without(&["1,5"]), "caustic-nearest"),
+    ] {
+        for value in values {
+            let output = run(&folder, &[command, &spheres, option, value]);
+            let message = stderr(&output);
+            assert_eq!(output.status.code(), Some(2), "{option} {value}: {message}");
+            let named = format!("invalid value '{value}' for '{option}");
+            let is_empty = value.is_empty() && message.contains(option);
+            assert!(message.contains(&named) || is_empty, "{option} {value}: {message}");
+            let says_how = message.contains(allowed)
+                && ["write ", "must be", "is not a whole number", "possible values", "the knobs are"]
+                    .iter()
+                    .any(|words| message.contains(words));
+            assert!(says_how || value.is_empty(), "{option} {value}: {message}");
+            assert!(!message.contains("float literal") && !message.contains("invalid digit"), "{message}");
+        }
+    }
+    for value in ["0", "1", "many", "-1"] {
+        let output = run(&folder, &["validate", "--seeds", value]);
+        assert_eq!(output.status.code(), Some(2), "{value}");
+        assert!(stderr(&output).contains("--seeds"), "{}", stderr(&output));
+    }
+    assert_eq!(names_in(folder.path()), [""; 0]);
+}
+
+/// One mistake is one message, and no number is longer than it was written.
+#[test]
+fn messages_say_what_is_wrong_once() {
+    let folder = folder();
+    let grey = "[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n";
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("typo.toml", &format!("[[shapes]]\ntype = \"sphere\"\nraduis = 1\nmaterial = \"m\"\n{grey}"));
+    let message = stderr(&run(&folder, &["info", "typo.toml"]));
+    assert_eq!(message.matches("typo.toml:").count(), 1, "{message}");
+    assert!(message.contains("typo.toml:3:1") && message.contains("did you mean `radius`?"), "{message}");
+
+    write(
+        "box.toml",
+        &format!("[[shapes]]\ntype = \"box\"\nmin = [0, 3, 0]\nmax = [1, 2, 1]\nmaterial = \"m\"\n{grey}"),
+    );
+    assert_fails(&folder, &["info", "box.toml"], 1, &["`min` is 3 in y and `max` is 2", "exchange"]);
+    write(
+        "flat.toml",
+        &format!("[[shapes]]\ntype = \"box\"\nmin = [0, 2, 0]\nmax = [1, 2, 1]\nmaterial = \"m\"\n{grey}"),
+    );
+    assert_fails(&folder, &["info", "flat.toml"], 1, &["`min` is 2 in y and `max` is 2", "quad"]);
+
+    write("letter.toml", &"Dear reader, = this is [no scene\n".repeat(40));
+    let message = stderr(&run(&folder, &["info", "letter.toml"]));
+    assert!(message.matches("not TOML").count() <= 3 && message.contains("more"), "{message}");
+
+    let knot = scene("meshes/knot.ply").display().to_string();
+    let message = stderr(&run(&folder, &["render", &knot, "--memory-limit", "10MB"]));
+    assert!(message.contains("--memory-limit") && !message.contains("  "), "{message}");
+    // The parts are all there is.
+    let numbers = |text: &str| -> Vec<u64> {
+        let words: Vec<&str> = text.split([' ', ',', ';']).collect();
+        words.windows(2).filter(|pair| pair[1] == "MB").filter_map(|pair| pair[0].parse().ok()).collect()
+    };
+    let (whole, parts) = message.split_once(": ").unwrap().1.split_once(": ").unwrap();
+    let sum: u64 = numbers(parts.split("; and").next().unwrap()).iter().sum();
+    assert!(numbers(whole)[0].abs_diff(sum) <= 3, "{message}");
+
+    let spheres = spheres();
+    let output = run(&folder, &["info", &spheres, "--caustic-reuse", "0.2", "--cache-error", "0.3"]);
+    assert!(
+        stdout(&output).contains(" 0.2\n") && !stdout(&output).contains("0.20000"),
+        "{}",
+        stdout(&output)
+    );
+    let output = run(&folder, &["info", &spheres, "--caustic-reuse", "0.2", "--json"]);
+    assert!(stdout(&output).contains("\"caustic-reuse\": 0.2,"), "{}", stdout(&output));
+}
+
+/// A window of a picture knows its place: viewers show it there, and it is compared with that part of the whole.
+#[test]
+fn a_window_has_its_place_in_the_whole_picture() {
+    let folder = folder();
+    let spheres = spheres();
+    let ok = |args: &[&str]| {
+        let output = run(&folder, args);
+        assert_eq!(output.status.code(), Some(0), "{args:?}: {}", stderr(&output));
+        stdout(&output)
+    };
+    ok(&render_args(&spheres, &["-o", "whole.exr"]));
+    ok(&render_args(&spheres, &["-o", "part.exr", "--crop", "3,4,20,19"]));
+    let part = image_io::read(folder.path().join("part.exr")).unwrap();
+    assert_eq!((part.width, part.height), (17, 15));
+    assert_eq!(part.window, Some(image_io::Window { x: 3, y: 4, full_width: 24, full_height: 20 }));
+    assert_eq!(image_io::read(folder.path().join("whole.exr")).unwrap().window, None);
+    // In the bytes, as other programs read them: from the first to the last pixel.
+    let bytes = fs::read(folder.path().join("part.exr")).unwrap();
+    let window = |name: &[u8]| {
+        let start = bytes.windows(name.len()).position(|found| found == name).unwrap() + name.len();
+        let number = |i: usize| i32::from_le_bytes(bytes[start + 4 * i..][..4].try_into().unwrap());
+        // Its length comes first.
+        [number(1), number(2), number(3), number(4)]
+    };
+    assert_eq!(window(b"dataWindow\0box2i\0"), [3, 4, 19, 18]);
+    assert_eq!(window(b"displayWindow\0box2i\0"), [0, 0, 23, 19]);
+    for pair in [["whole.exr", "part.exr"], ["part.exr", "part.exr"]] {
+        let table = ok(&["compare", pair[0], pair[1], "--aov", "direct"]);
+        assert!(
+            table
+                .lines()
+                .nth(1)
+                .unwrap()
+                .split_whitespace()
+                .skip(1)
+                .all(|n| ["0", "-", "+0.000", "%"].contains(&n)),
+            "{table}"
+        );
+    }
+    assert_fails(&folder, &["compare", "part.exr", "whole.exr"], 1, &["whole.exr"]);
+}
+
+/// Photons shown directly have all light in one layer, which is not what that layer is elsewhere.
+#[test]
+fn layers_that_do_not_mean_the_same_are_not_compared() {
+    let folder = folder();
+    let spheres = spheres();
+    for (name, more) in [
+        ("path.exr", &["--integrator", "path"][..]),
+        ("map.exr", &[]),
+        ("photons.exr", &["--integrator", "photons"]),
+        ("classes.exr", &["--integrator", "photons", "--show", "classes"]),
+    ] {
+        let output = run(&folder, &render_args(&spheres, &[&["-o", name], more].concat()));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    }
+    let layers =
+        |name: &str| image_io::read(folder.path().join(name)).unwrap().metadata("cardioid/layers").cloned();
+    assert_eq!(layers("map.exr"), Some(MetadataValue::from("by-path")));
+    assert_eq!(layers("photons.exr"), Some(MetadataValue::from("global-photons")));
+    for layer in ["indirect", "direct"] {
+        assert_fails(
+            &folder,
+            &["compare", "path.exr", "photons.exr", "--aov", layer],
+            1,
+            &[
+                "path.exr",
+                "photons.exr",
+                layer,
+                "do not mean the same",
+                "all of it in `indirect`",
+                "without --aov",
+            ],
+        );
+    }
+    assert_fails(&folder, &["compare", "path.exr", "classes.exr"], 1, &["classes.exr", "discs"]);
+    for args in [
+        &["compare", "path.exr", "photons.exr"][..],
+        &["compare", "path.exr", "photons.exr", "--aov", "albedo"],
+        &["compare", "path.exr", "map.exr", "--aov", "indirect"],
+    ] {
+        assert_eq!(run(&folder, args).status.code(), Some(0), "{args:?}");
+    }
 }
 
 #[test]
@@ -519,7 +727,7 @@ fn a_time_limit_during_the_photon_pass() {
     let message = stderr(&output);
     assert_eq!(output.status.code(), Some(0), "{message}");
     assert!(start.elapsed() < Duration::from_secs(40), "{:?}", start.elapsed());
-    assert!(message.contains("of the 8000000 asked for, traced in its share of the time limit"), "{message}");
+    assert!(message.contains("caustic photons of the 8000000 asked for"), "{message}");
     let stats: Value = serde_json::from_slice(&fs::read(folder.path().join("stats.json")).unwrap()).unwrap();
     let caustic = &stats["maps"][1];
     assert_eq!((caustic["asked"].as_u64(), caustic["stopped"].as_bool()), (Some(8_000_000), Some(true)));

@@ -1,6 +1,7 @@
 //! `cardioid bench bvh`: Embree against hierarchies written in Rust, on a mesh and the rays of its picture.
 
 use super::bench_caustic;
+use super::outputs::{Named, Outputs};
 use super::picture::shorter;
 use super::progress::Console;
 use anyhow::{Context, Result, anyhow, bail};
@@ -48,7 +49,7 @@ struct BvhArgs {
     runs: usize,
 
     /// Rays of each kind whose hits are checked in double precision.
-    #[arg(long, default_value_t = BvhBenchSettings::default().checked)]
+    #[arg(long, default_value_t = BvhBenchSettings::default().checked, value_parser = from_zero)]
     check: usize,
 
     /// Threads of the parallel runs; 0 means one for each core.
@@ -68,6 +69,13 @@ fn at_least_one(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(number) if (1..=100_000_000).contains(&number) => Ok(number),
         _ => Err("write a whole number from 1 to 100000000".to_owned()),
+    }
+}
+
+fn from_zero(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(number) if number <= 100_000_000 => Ok(number),
+        _ => Err("write a whole number from 0 to 100000000".to_owned()),
     }
 }
 
@@ -91,30 +99,37 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
     }
+    let mut outputs = Outputs::new(args.meshes.iter().map(PathBuf::as_path));
+    for (mesh, folder) in args.meshes.iter().zip(args.output.iter().cycle()) {
+        for (_, path) in report_files(folder, &stem(mesh)) {
+            outputs.add(&path, "the report", Named::ByUser)?;
+        }
+    }
     if cfg!(not(feature = "bvh-bench")) {
-        eprintln!("note: built without the feature bvh-bench: Embree alone is measured");
+        say!("note: built without the feature bvh-bench: Embree alone is measured");
     }
     for mesh in &args.meshes {
-        let report = measure(args, mesh)?;
+        let report = measure(args, mesh, &outputs)?;
         writeln!(std::io::stdout().lock(), "{}", report.to_markdown())?;
         if let Some(folder) = &args.output {
-            write(folder, &report)?;
+            write(folder, &stem(mesh), &report)?;
         }
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn measure(args: &BvhArgs, mesh: &Path) -> Result<BvhReport> {
+fn measure(args: &BvhArgs, mesh: &Path, outputs: &Outputs) -> Result<BvhReport> {
     if !mesh.exists() {
         bail!("there is no mesh file {}; check its name", mesh.display());
     }
     let parameters = [("up".to_owned(), args.up.clone())];
     let description = mesh_scene(mesh, &parameters).map_err(|error| anyhow!("{error}"))?;
+    outputs.check_scene(&description)?;
     let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
     // Square, as are the pixels that rays are recorded for.
     let built = build_scene(&description, &device, (512, 512)).map_err(|error| shorter(error, true))?;
     for warning in &built.warnings {
-        eprintln!("warning: {}: {}", mesh.display(), warning.message);
+        say!("warning: {}: {}", mesh.display(), warning.message);
     }
     let settings = BvhBenchSettings {
         rays: args.rays,
@@ -132,12 +147,24 @@ fn measure(args: &BvhArgs, mesh: &Path) -> Result<BvhReport> {
     report.with_context(|| mesh.display().to_string())
 }
 
-fn write(folder: &Path, report: &BvhReport) -> Result<()> {
-    let json = serde_json::to_string_pretty(report)? + "\n";
-    for (extension, text) in [("md", report.to_markdown()), ("svg", report.to_svg()), ("json", json)] {
-        let path = folder.join(format!("{}.{extension}", report.name));
+fn stem(mesh: &Path) -> String {
+    mesh.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// What is written of a mesh of this name, by its ending.
+fn report_files(folder: &Path, name: &str) -> [(&'static str, PathBuf); 3] {
+    ["md", "svg", "json"].map(|extension| (extension, folder.join(format!("{name}.{extension}"))))
+}
+
+fn write(folder: &Path, name: &str, report: &BvhReport) -> Result<()> {
+    for (extension, path) in report_files(folder, name) {
+        let text = match extension {
+            "md" => report.to_markdown(),
+            "svg" => report.to_svg(),
+            _ => serde_json::to_string_pretty(report)? + "\n",
+        };
         image_io::write_text(&path, &text)?;
-        eprintln!("wrote {}", path.display());
+        say!("wrote {}", path.display());
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! `cardioid bench caustic`: estimates along a line through a caustic against the exact solution.
 
+use super::outputs::{Named, Outputs};
 use super::progress::Console;
 use super::settings::count;
 use anyhow::{Context, Result, anyhow};
@@ -30,7 +31,12 @@ pub(super) struct CausticArgs {
 }
 
 pub(super) fn run(args: &CausticArgs) -> Result<ExitCode> {
+    let mut outputs = Outputs::new([args.scene.as_path()]);
+    if let Some(output) = &args.output {
+        outputs.add(output, "the plot", Named::ByUser)?;
+    }
     let description = load_scene(&args.scene, &[]).map_err(|error| anyhow!("{error}"))?;
+    outputs.check_scene(&description)?;
     let device = Arc::new(Device::new(0).context("cannot trace rays")?);
     let console = Console::new(false, None);
     let figure = caustic_figure(&description, &device, args.photons, &console);

@@ -1,8 +1,10 @@
 //! `cardioid compare`: error figures of pictures against a reference.
 
+use super::meaning::LayerMeaning;
+use super::outputs::{Named, Outputs};
 use anyhow::{Context, Result, bail};
 use cardioid::film::{srgb_decode, srgb_encode_u8};
-use cardioid::image_io::{self, Image, Layer, PngPixels};
+use cardioid::image_io::{self, Image, Layer, PngPixels, Window};
 use cardioid::measure::{ErrorFigures, Picture, Reference};
 use clap::Args;
 use serde::Serialize;
@@ -72,9 +74,40 @@ struct Loaded {
     width: u32,
     height: u32,
     values: Vec<f32>,
+    /// Of a larger picture, where it is one.
+    window: Option<Window>,
+    /// Where the file says it.
+    meaning: Option<LayerMeaning>,
 }
 
 impl Loaded {
+    /// Its place in the whole picture, and the size of that.
+    fn place(&self) -> Window {
+        let whole = Window { x: 0, y: 0, full_width: self.width, full_height: self.height };
+        self.window.unwrap_or(whole)
+    }
+
+    /// The part of this picture that shows what `other` shows; `None` where it does not show all of that.
+    fn part(&self, other: &Self) -> Option<Self> {
+        let (here, there) = (self.place(), other.place());
+        let size = |place: Window| (place.full_width, place.full_height);
+        let (x, y) = (usize::try_from(there.x - here.x).ok()?, usize::try_from(there.y - here.y).ok()?);
+        let (width, height) = (other.width as usize, other.height as usize);
+        let is_inside = x + width <= self.width as usize && y + height <= self.height as usize;
+        if size(here) != size(there) || !is_inside {
+            return None;
+        }
+        let row = |y: usize| &self.values[3 * (y * self.width as usize + x)..][..3 * width];
+        let values = (y..y + height).flat_map(row).copied().collect();
+        Some(Self {
+            width: other.width,
+            height: other.height,
+            values,
+            window: other.window,
+            meaning: self.meaning,
+        })
+    }
+
     fn view(&self) -> Result<Picture<'_>> {
         Ok(Picture::new(self.width, self.height, &self.values)?)
     }
@@ -90,22 +123,42 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode> {
         bail!("--difference shows the error of a single picture; name one TEST, not {}", args.tests.len());
     }
     if let Some(map) = &args.difference {
-        image_io::check_writable(map)?;
         let read = args.tests.iter().chain([&args.reference]).chain(&args.second_half);
-        if let Some(other) = read.into_iter().find(|other| image_io::is_same_file(map, other)) {
-            bail!("--difference {} would overwrite {}; give it another name", map.display(), other.display());
-        }
+        Outputs::new(read.map(PathBuf::as_path)).add(map, "--difference", Named::ByUser)?;
     }
-    let reference = load_reference(args)?;
+    let halves = load_halves(args)?;
+    let whole = reference_of(args, &halves)?;
     let mut rows = Vec::with_capacity(args.tests.len());
     for path in &args.tests {
         let loaded = load(path, &args.aov)?;
         let named = || path.display().to_string();
-        if reference.is_half(loaded.view()?) {
-            eprintln!(
-                "warning: {} is a half of the reference, so its relmse_u is 0 by construction",
-                named()
+        let [first, ..] = &halves[..] else { bail!("no reference") };
+        if let (Some(a), Some(b)) = (loaded.meaning, first.meaning)
+            && let Some(reason) = LayerMeaning::difference(a, b, &args.aov)
+        {
+            bail!(
+                "{} and {} do not mean the same by their layer \"{}\": {reason}",
+                path.display(),
+                args.reference.display(),
+                args.aov
             );
+        }
+        // A window is compared with the same part of a reference that shows more.
+        let is_part = loaded.window.is_some() && loaded.place() != first.place();
+        let part =
+            match is_part.then(|| halves.iter().map(|half| half.part(&loaded)).collect::<Option<Vec<_>>>()) {
+                Some(Some(halves)) => {
+                    say!(
+                        "note: {} is a window of a larger picture: compared with that part of the reference",
+                        named()
+                    );
+                    Some(reference_of(args, &halves)?)
+                }
+                _ => None,
+            };
+        let reference = part.as_ref().unwrap_or(&whole);
+        if reference.is_half(loaded.view()?) {
+            say!("warning: {} is a half of the reference, so its relmse_u is 0 by construction", named());
         }
         let figures = reference.compare(loaded.view()?).with_context(named)?;
         if let Some(map) = &args.difference {
@@ -127,11 +180,10 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode> {
     }
 }
 
-fn load_reference(args: &CompareArgs) -> Result<Reference> {
+/// The reference, or its halves.
+fn load_halves(args: &CompareArgs) -> Result<Vec<Loaded>> {
     let first = load(&args.reference, &args.aov)?;
-    let Some(path) = &args.second_half else {
-        return Reference::single(first.view()?).with_context(|| args.reference.display().to_string());
-    };
+    let Some(path) = &args.second_half else { return Ok(vec![first]) };
     let second = load(path, &args.aov)?;
     if first.values == second.values {
         bail!(
@@ -140,7 +192,19 @@ fn load_reference(args: &CompareArgs) -> Result<Reference> {
             path.display()
         );
     }
-    Reference::halves(first.view()?, second.view()?).with_context(|| path.display().to_string())
+    Ok(vec![first, second])
+}
+
+fn reference_of(args: &CompareArgs, halves: &[Loaded]) -> Result<Reference> {
+    match (halves, &args.second_half) {
+        ([first, second], Some(path)) => {
+            Reference::halves(first.view()?, second.view()?).with_context(|| path.display().to_string())
+        }
+        ([first, ..], _) => {
+            Reference::single(first.view()?).with_context(|| args.reference.display().to_string())
+        }
+        ([], _) => bail!("no reference"),
+    }
 }
 
 fn load(path: &Path, aov: &str) -> Result<Loaded> {
@@ -154,7 +218,8 @@ fn load(path: &Path, aov: &str) -> Result<Loaded> {
     if is_display_encoded(path) {
         values.iter_mut().for_each(|v| *v = srgb_decode(*v));
     }
-    Ok(Loaded { width: image.width, height: image.height, values })
+    let (window, meaning) = (image.window, LayerMeaning::of_image(&image));
+    Ok(Loaded { width: image.width, height: image.height, values, window, meaning })
 }
 
 /// The size of a layer of a picture, and its values as linear RGB.
@@ -162,7 +227,7 @@ fn load(path: &Path, aov: &str) -> Result<Loaded> {
 /// # Errors
 /// Where the file cannot be read or has no such layer.
 pub(crate) fn read_picture(path: &Path, aov: &str) -> Result<((u32, u32), Vec<f32>)> {
-    let Loaded { width, height, values } = load(path, aov)?;
+    let Loaded { width, height, values, .. } = load(path, aov)?;
     Ok(((width, height), values))
 }
 

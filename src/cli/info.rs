@@ -1,5 +1,6 @@
 //! `cardioid info`: what a scene holds and what would be built for it.
 
+use super::outputs::{Named, Outputs};
 use super::picture::{SceneArgs, describe_camera, load};
 use super::settings::SettingsArgs;
 use anyhow::{Result, bail};
@@ -7,8 +8,9 @@ use cardioid::image_io::{self, PngPixels};
 use cardioid::lights::Light;
 use cardioid::photons::projection_picture;
 use cardioid::render::{Settings, Silent};
-use cardioid::scene::Scene;
+use cardioid::scene::{RenderPlan, Scene};
 use clap::Args;
+use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -31,17 +33,34 @@ pub(crate) struct InfoArgs {
     json: bool,
 }
 
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Described<'a> {
+    scene: &'a str,
+    settings: &'a Settings,
+    plan: &'a RenderPlan,
+}
+
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
-    let loaded = load(&args.scene, &Silent, &|| ())?;
+    let mut outputs = Outputs::new([args.scene.scene.as_path()]);
+    let loaded = load(&args.scene, &outputs, &Silent, &|| ())?;
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
     let plan = settings.plan(scene);
     if let Some(folder) = &args.projection_maps {
-        write_projection_maps(scene, folder)?;
+        if !folder.is_dir() {
+            bail!("{}: there is no such folder; make it first", folder.display());
+        }
+        let files = projection_map_files(scene, folder);
+        for file in &files {
+            outputs.add(file, "a projection map", Named::ByUs)?;
+        }
+        outputs.check_scene(&loaded.description)?;
+        write_projection_maps(scene, &files)?;
     }
     let mut out = std::io::stdout().lock();
     if args.json {
-        let value = serde_json::json!({ "scene": scene.name(), "settings": settings, "plan": plan });
+        let value = Described { scene: scene.name(), settings: &settings, plan: &plan };
         writeln!(out, "{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -71,7 +90,8 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         writeln!(out, "  {name:24} {decision}")?;
     }
     writeln!(out, "settings")?;
-    if let serde_json::Value::Object(values) = serde_json::to_value(&settings)? {
+    // By way of text, which has the shortest number that reads as the same one: 0.2, and not 0.20000000298.
+    if let serde_json::Value::Object(values) = serde_json::from_str(&serde_json::to_string(&settings)?)? {
         for (name, value) in values {
             writeln!(out, "  {name:24} {value}")?;
         }
@@ -80,17 +100,20 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
 }
 
 /// One PNG for each light, named by its number and name.
-fn write_projection_maps(scene: &Scene, folder: &Path) -> Result<()> {
-    if !folder.is_dir() {
-        bail!("{}: there is no such folder; make it first", folder.display());
-    }
-    for light in 0..scene.lights().len() {
-        let picture = projection_picture(scene, light);
+fn projection_map_files(scene: &Scene, folder: &Path) -> Vec<PathBuf> {
+    let file = |light: usize| {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
         let name: String = scene.light_note(light).name.chars().take(64).map(plain).collect();
-        let file = folder.join(format!("{light}-{name}.png"));
-        image_io::write_png(&file, picture.width, picture.height, PngPixels::Rgb8(&picture.pixels))?;
-        eprintln!("wrote {}", file.display());
+        folder.join(format!("{light}-{name}.png"))
+    };
+    (0..scene.lights().len()).map(file).collect()
+}
+
+fn write_projection_maps(scene: &Scene, files: &[PathBuf]) -> Result<()> {
+    for (light, file) in files.iter().enumerate() {
+        let picture = projection_picture(scene, light);
+        image_io::write_png(file, picture.width, picture.height, PngPixels::Rgb8(&picture.pixels))?;
+        say!("wrote {}", file.display());
     }
     Ok(())
 }

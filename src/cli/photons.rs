@@ -1,5 +1,6 @@
 //! `cardioid photons`: pass 1 alone, into a file that any number of renders read.
 
+use super::outputs::{Named, Outputs};
 use super::picture::{Loaded, SceneArgs, load};
 use super::progress::{Console, catch_interrupts, interrupted};
 use super::settings::SettingsArgs;
@@ -21,6 +22,10 @@ pub(crate) struct PhotonsArgs {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 
+    /// Replace a file under the default name whoever wrote it; otherwise only one that cardioid wrote is replaced.
+    #[arg(long)]
+    overwrite: bool,
+
     /// No progress bars and no summary.
     #[arg(short, long)]
     quiet: bool,
@@ -39,17 +44,16 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         Some(output) => output.clone(),
         None => PathBuf::from(args.scene.scene.file_stem().unwrap_or_default()).with_extension("photons"),
     };
-    image_io::check_writable(&output)?;
-    if image_io::is_same_file(&output, &args.scene.scene) {
-        bail!("{} would overwrite the scene; give it another name", output.display());
-    }
+    let named = if args.output.is_some() { Named::ByUser } else { Named::ByUs };
+    let mut outputs = Outputs::new([args.scene.scene.as_path()]).overwriting(args.overwrite);
+    outputs.add(&output, "the photon map", named)?;
     let console = Console::new(args.quiet, None);
     pool.install(|| {
         console.busy("reading and building the scene");
-        let loaded = load(&args.scene, &console, &|| console.finish());
+        let loaded = load(&args.scene, &outputs, &console, &|| console.finish());
         console.finish();
         if let (Err(_), Some(code)) = (&loaded, interrupted()) {
-            eprintln!("stopped while the scene was read and built: no file was written");
+            say!("stopped while the scene was read and built: no file was written");
             return Ok(ExitCode::from(code));
         }
         let Loaded { description, built, estimate, .. } = loaded?;
@@ -61,10 +65,10 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         let (pass, plan) = trace_photon_maps(&built.scene, &settings, &console)?;
         console.finish();
         for warning in &pass.warnings {
-            eprintln!("warning: {warning}");
+            say!("warning: {warning}");
         }
         if let Some(code) = interrupted() {
-            eprintln!("stopped before all photons were traced: no file was written");
+            say!("stopped before all photons were traced: no file was written");
             return Ok(ExitCode::from(code));
         }
         if pass.statistics.is_empty() {
@@ -79,7 +83,7 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         })?;
         if !args.quiet {
             summary(&pass);
-            eprintln!("wrote {}", output.display());
+            say!("wrote {}", output.display());
         }
         Ok(ExitCode::SUCCESS)
     })
@@ -88,7 +92,7 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
 fn summary(pass: &PassOne) {
     for map in &pass.statistics {
         let name = serde_json::to_value(map.map).ok().and_then(|value| value.as_str().map(str::to_owned));
-        eprintln!(
+        say!(
             "{} map: {} photons of {} emitted, {:.1} MB, {:.2} s",
             name.unwrap_or_default(),
             map.photons,

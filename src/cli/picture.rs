@@ -1,5 +1,6 @@
 //! Options shared by the commands that read a scene, and how they read it.
 
+use super::outputs::Outputs;
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::embree::Device;
 use cardioid::film::PixelRect;
@@ -63,7 +64,7 @@ const MOST_THREADS: usize = 1024;
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(threads) if threads <= MOST_THREADS => Ok(threads),
-        _ => Err(format!("write a number of threads up to {MOST_THREADS}, or 0 for one for each core")),
+        _ => Err(format!("write a whole number from 1 to {MOST_THREADS}, or 0 for one thread for each core")),
     }
 }
 
@@ -97,8 +98,13 @@ pub(crate) struct Loaded {
 }
 
 /// Reads and builds; warnings go to standard error, after `when_built` was called. `observer` follows, and may stop it: the
-/// error then says nothing of interest.
-pub(crate) fn load(args: &SceneArgs, observer: &dyn Observer, when_built: &dyn Fn()) -> Result<Loaded> {
+/// error then says nothing of interest. Nothing is built where `outputs` would replace a file that the scene is read from.
+pub(crate) fn load(
+    args: &SceneArgs,
+    outputs: &Outputs,
+    observer: &dyn Observer,
+    when_built: &dyn Fn(),
+) -> Result<Loaded> {
     set_texture_memory(args.texture_memory);
     // The messages of scene files begin with the place, so nothing is put in front of them.
     let is_mesh = is_mesh_file(&args.scene);
@@ -123,6 +129,7 @@ pub(crate) fn load(args: &SceneArgs, observer: &dyn Observer, when_built: &dyn F
         (false, Some(_)) => bail!("--up is for a mesh alone; a scene file says it by `fit` (`up = \"z\"`)"),
     };
     let description = description.map_err(|error| anyhow!("{error}"))?;
+    outputs.check_scene(&description)?;
     let FilmDescription { width, height, .. } = description.film;
     let size = args.resolution.unwrap_or((width, height));
     let estimate = MemoryEstimate::of_scene(&description, size);
@@ -133,13 +140,13 @@ pub(crate) fn load(args: &SceneArgs, observer: &dyn Observer, when_built: &dyn F
     let built = built.map_err(|error| shorter(error, is_mesh))?;
     for warning in &built.warnings {
         match is_mesh {
-            true => eprintln!("warning: {}: {}", args.scene.display(), warning.message),
-            false => eprintln!("warning: {warning}"),
+            true => say!("warning: {}: {}", args.scene.display(), warning.message),
+            false => say!("warning: {warning}"),
         }
     }
     let is_free = is_mesh && args.up.is_none() && !args.set.iter().any(|(name, _)| name == "up");
     if let Some(note) = is_free.then(|| up_note(&built.scene)).flatten() {
-        eprintln!("{note}");
+        say!("{note}");
     }
     let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
     Ok(Loaded { description, built, device, size, hash, estimate })

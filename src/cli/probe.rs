@@ -1,5 +1,6 @@
 //! `cardioid probe`: irradiance at points of a scene as a table.
 
+use super::outputs::{Named, Outputs};
 use super::picture::{SceneArgs, load};
 use super::progress::{Console, catch_interrupts, interrupted};
 use super::settings::{SettingsArgs, count_from_one};
@@ -87,11 +88,9 @@ fn lift(text: &str) -> Result<f64, String> {
 
 pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
     catch_interrupts();
+    let mut outputs = Outputs::new([args.scene.scene.as_path()].into_iter().chain(args.points.as_deref()));
     if let Some(output) = &args.output {
-        image_io::check_writable(output)?;
-        if image_io::is_same_file(output, &args.scene.scene) {
-            bail!("{} would overwrite the scene; give it another name", output.display());
-        }
+        outputs.add(output, "the table", Named::ByUser)?;
     }
     let points = points(args)?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -99,7 +98,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
         .build()
         .context("cannot start the threads")?;
     pool.install(|| {
-        let loaded = load(&args.scene, &Silent, &|| ())?;
+        let loaded = load(&args.scene, &outputs, &Silent, &|| ())?;
         let scene = &loaded.built.scene;
         let radius = scene.space().metres(f64::from(scene.bounds().1));
         let request = ProbeRequest {
@@ -113,11 +112,11 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
         let probed = probe(scene, &request, &console);
         console.finish();
         let Some(probed) = probed? else {
-            eprintln!("stopped; nothing was written");
+            say!("stopped; nothing was written");
             return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
         };
         for warning in &probed.warnings {
-            eprintln!("warning: {warning}");
+            say!("warning: {warning}");
         }
         let table = probed.to_csv();
         match &args.output {

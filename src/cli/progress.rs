@@ -6,7 +6,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicI32, Ordering};
+use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -19,7 +19,7 @@ pub(crate) fn catch_interrupts() {
     let mut signals = match Signals::new([SIGINT, SIGTERM, SIGHUP]) {
         Ok(signals) => signals,
         Err(error) => {
-            eprintln!("warning: Ctrl-C will end the program without a picture: {error}");
+            say!("warning: Ctrl-C will end the program without a picture: {error}");
             return;
         }
     };
@@ -28,8 +28,17 @@ pub(crate) fn catch_interrupts() {
             if SIGNAL.compare_exchange(0, signal, Ordering::SeqCst, Ordering::SeqCst).is_err() {
                 std::process::exit(i32::from(exit_code(signal)));
             }
-            eprintln!("\nstopping; what is there will be written (once more to quit at once)");
+            say!("\nstopping; what is there will be written (once more to quit at once)");
         }
+    });
+}
+
+/// Ends the program, without a picture, when its standard input ends: where that is a pipe, when whoever holds the other end is gone.
+pub(crate) fn end_with_input() {
+    std::thread::spawn(|| {
+        // An error is an end as well.
+        let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+        std::process::exit(1);
     });
 }
 
@@ -42,11 +51,18 @@ fn exit_code(signal: i32) -> u8 {
     u8::try_from(128 + signal).unwrap_or(u8::MAX)
 }
 
+/// The nanoseconds of a time, of at most some centuries.
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}
+
 /// Shows a bar for each step on a terminal, nothing elsewhere.
 pub(crate) struct Console {
     bar: Mutex<ProgressBar>,
     visible: bool,
-    deadline: Option<Instant>,
+    start: Instant,
+    /// Nanoseconds from the start until rendering stops; the largest number where it does not.
+    limit: AtomicU64,
 }
 
 impl Console {
@@ -55,7 +71,16 @@ impl Console {
         Self {
             bar: Mutex::new(ProgressBar::hidden()),
             visible: !quiet && std::io::stderr().is_terminal(),
-            deadline: limit.and_then(|limit| Instant::now().checked_add(limit)),
+            start: Instant::now(),
+            limit: AtomicU64::new(limit.map_or(u64::MAX, nanoseconds)),
+        }
+    }
+
+    /// Keeps so much of the time limit for what comes after rendering.
+    pub(crate) fn reserve(&self, time: Duration) {
+        let limit = self.limit.load(Ordering::Relaxed);
+        if limit != u64::MAX {
+            self.limit.store(limit.saturating_sub(nanoseconds(time)), Ordering::Relaxed);
         }
     }
 
@@ -105,17 +130,16 @@ impl Observer for Console {
     }
 
     fn should_stop(&self) -> bool {
-        interrupted().is_some()
-            // Nothing that is computed could be written.
-            || library_failure().is_some()
-            || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+        self.is_cancelled() || self.deadline().is_some_and(|deadline| Instant::now() >= deadline)
     }
 
     fn is_cancelled(&self) -> bool {
-        interrupted().is_some()
+        // Without the library nothing that is computed could be written.
+        interrupted().is_some() || library_failure().is_some()
     }
 
     fn deadline(&self) -> Option<Instant> {
-        self.deadline
+        let limit = Some(self.limit.load(Ordering::Relaxed)).filter(|&limit| limit != u64::MAX)?;
+        self.start.checked_add(Duration::from_nanos(limit))
     }
 }

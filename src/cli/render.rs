@@ -1,18 +1,20 @@
 //! `cardioid render`: from a scene file to pictures.
 
+use super::meaning::{LAYERS, LayerMeaning};
+use super::outputs::{Named, Outputs};
 use super::picture::{Loaded, SceneArgs, crop, filter_of, load};
-use super::progress::{Console, catch_interrupts, interrupted};
+use super::progress::{Console, catch_interrupts, end_with_input, interrupted};
 use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
-use cardioid::film::{Developed, LayerSet, PixelRect, ToneCurve, ToneMap};
-use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels};
+use cardioid::film::{Developed, Film, LayerSet, PixelRect, ToneCurve, ToneMap};
+use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels, Window};
 use cardioid::render::{
     IntegratorKind, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, SavedMaps, Settings,
     Statistics, Stop, render_in_rounds, render_with_maps,
 };
 use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread::{self, JoinHandle};
@@ -27,6 +29,11 @@ pub(crate) struct RenderArgs {
     /// Picture to write: .exr (a .png is written beside it) or .png alone. Default: the scene's name in this folder.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+
+    /// Replace files under names that this program chose (without -o, and the PNG beside an EXR) whoever wrote them; otherwise only
+    /// those that cardioid wrote are replaced. Files that the scene is read from never are.
+    #[arg(long)]
+    overwrite: bool,
 
     /// Only this window of the picture; the pixels in it do not change.
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = crop)]
@@ -45,7 +52,7 @@ pub(crate) struct RenderArgs {
     resume: Option<PathBuf>,
 
     /// Exposure of the PNG in stops, over that of the scene file.
-    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    #[arg(long, value_name = "STOPS", value_parser = stops)]
     exposure: Option<f64>,
 
     /// Tone curve of the PNG.
@@ -62,7 +69,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     beauty_only: bool,
 
-    /// Write statistics as JSON.
+    /// Write statistics as JSON; `-` for standard output.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
 
@@ -73,6 +80,10 @@ pub(crate) struct RenderArgs {
     /// No progress bars and no summary.
     #[arg(short, long)]
     quiet: bool,
+
+    /// End at once where standard input ends: as `tradeoff` holds its other end, no render outlives it.
+    #[arg(long, hide = true)]
+    end_with_input: bool,
 
     #[command(flatten)]
     settings: SettingsArgs,
@@ -86,8 +97,20 @@ enum CurveArg {
     Neutral,
 }
 
+/// An exposure.
+fn stops(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(stops) if (-100.0..=100.0).contains(&stops) => Ok(stops),
+        _ => Err("write a number of stops from -100 to 100, for example -1.5: each doubles the brightness"
+            .to_owned()),
+    }
+}
+
 pub(crate) fn duration(text: &str) -> Result<Duration, String> {
-    let message = || "write a positive number with s, m or h, for example 30s".to_owned();
+    /// About three years.
+    const LONGEST: f64 = 1e8;
+    let message =
+        || "write a time from 1ms to 27000h with its unit (ms, s, m or h), for example 30s".to_owned();
     let (number, unit) = match text.find(|c: char| c.is_ascii_alphabetic()) {
         Some(at) => text.split_at(at),
         None => (text, "s"),
@@ -100,27 +123,31 @@ pub(crate) fn duration(text: &str) -> Result<Duration, String> {
         _ => return Err(message()),
     };
     let seconds = number.trim().parse::<f64>().map_err(|_| message())? * factor;
-    Duration::try_from_secs_f64(seconds).ok().filter(|d| !d.is_zero()).ok_or_else(message)
+    if (1e-3..=LONGEST).contains(&seconds) { Ok(Duration::from_secs_f64(seconds)) } else { Err(message()) }
 }
 
 pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
-    catch_interrupts();
     let start = Instant::now();
+    catch_interrupts();
+    if args.end_with_input {
+        end_with_input();
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(args.scene.threads)
         .build()
         .context("cannot start the threads")?;
-    let outputs = Outputs::new(args)?;
+    let pictures = Pictures::new(args)?;
+    let outputs = pictures.check(args)?;
     let console = Console::new(args.quiet, args.time_limit);
     pool.install(|| {
         // First of all: a damaged file is told before a scene is built.
         let saved = args.photon_map.as_deref().map(SavedMaps::read).transpose()?;
         console.busy("reading and building the scene");
-        let loaded = load(&args.scene, &console, &|| console.finish());
+        let loaded = load(&args.scene, &outputs, &console, &|| console.finish());
         // Where it was not even read.
         console.finish();
         if let (Err(_), Some(code)) = (&loaded, interrupted()) {
-            eprintln!("stopped while the scene was read and built: there is no picture");
+            say!("stopped while the scene was read and built: there is no picture");
             return Ok(ExitCode::from(code));
         }
         let loaded = loaded?;
@@ -128,6 +155,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
+        if args.time_limit.is_some() {
+            console.busy("measuring how fast the disk is");
+            console.reserve(pictures.time_to_write(&request)?);
+            console.finish();
+        }
         let Loaded { built, .. } = &loaded;
         let (scene, camera) = (&built.scene, &built.camera);
         let plan = request.settings.plan(scene);
@@ -149,33 +181,43 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
             render_with_maps(scene, camera, &request, saved, &console)
         };
         console.finish();
-        let Rendered { film, mut statistics, stopped } = rendered?;
+        let Rendered { film, mut statistics, stopped, checkpoint_failure } = rendered?;
         statistics.times.scene = seconds_scene;
         statistics.process = Some(process(start));
         for warning in &statistics.warnings {
-            eprintln!("warning: {warning}");
+            say!("warning: {warning}");
         }
         // Those of the scene were told when it was built.
         statistics.warnings.splice(0..0, loaded.built.warnings.iter().map(ToString::to_string));
         if let Some(failure) = image_io::library_failure() {
             return Err(failure.into());
         }
-        if stopped == Some(Stop::BeforePixels) {
+        if stopped == Some(Stop::BeforePixels) || stopped.is_some() && film.sample_count() == 0 {
             write_statistics(args, &statistics)?;
-            eprintln!("stopped before the first pixel: there is no picture");
+            say!("stopped before the first pixel: there is no picture");
             return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
         }
         let developed = film.develop();
         if developed.clamped > 0 {
-            eprintln!(
+            say!(
                 "warning: {} values exceed what a file of single precision holds and were cut; lower the power of the \
                  lights",
                 developed.clamped
             );
         }
-        outputs.write(args, &loaded, &developed, &statistics)?;
+        let mut failures = pictures.write(args, &loaded, &developed, &statistics);
         if !args.quiet {
-            summary(&statistics, stopped, &outputs, request.settings.spp, &developed);
+            summary(&statistics, stopped, request.settings.spp, &developed);
+            if failures.is_empty() {
+                pictures.tell();
+            }
+        }
+        failures.extend(checkpoint_failure.map(anyhow::Error::from));
+        for failure in &failures {
+            say!("error: {failure:#}");
+        }
+        if !failures.is_empty() {
+            return Ok(ExitCode::FAILURE);
         }
         Ok(interrupted().map_or(ExitCode::SUCCESS, ExitCode::from))
     })
@@ -247,62 +289,111 @@ fn process(start: Instant) -> ProcessStatistics {
 }
 
 /// Where pictures go. Checked before anything is rendered: a wrong name should not cost an hour.
-struct Outputs {
+struct Pictures {
     exr: Option<PathBuf>,
     png: PathBuf,
 }
 
-impl Outputs {
+impl Pictures {
     fn new(args: &RenderArgs) -> Result<Self> {
         let output = match &args.output {
             Some(output) => output.clone(),
             None => PathBuf::from(args.scene.scene.file_stem().unwrap_or_default()).with_extension("exr"),
         };
         let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-        let outputs = match extension.as_str() {
-            "exr" => Self { png: output.with_extension("png"), exr: Some(output) },
-            "png" => Self { exr: None, png: output },
+        match extension.as_str() {
+            "exr" => Ok(Self { png: output.with_extension("png"), exr: Some(output) }),
+            "png" => Ok(Self { exr: None, png: output }),
             _ => bail!("{}: the name of a picture ends in .exr or .png", output.display()),
-        };
-        outputs.check(args)?;
+        }
+    }
+
+    /// Every file can be written, and none would take the place of another, or of one that is read.
+    fn check(&self, args: &RenderArgs) -> Result<Outputs> {
+        let read = [Some(args.scene.scene.as_path()), args.photon_map.as_deref()];
+        let mut outputs = Outputs::new(read.into_iter().flatten()).overwriting(args.overwrite);
+        // Rounds may be kept where they were kept before.
+        if let Some(checkpoint) = &args.checkpoint {
+            outputs.add(checkpoint, "--checkpoint", Named::ByUser)?;
+        }
+        outputs.also_reads(args.resume.as_deref());
+        let named = if args.output.is_some() { Named::ByUser } else { Named::ByUs };
+        if let Some(exr) = &self.exr {
+            outputs.add(exr, "the picture", named)?;
+        }
+        match self.exr {
+            Some(_) => outputs.add(&self.png, "the PNG beside the picture", Named::ByUs)?,
+            None => outputs.add(&self.png, "the picture", named)?,
+        }
+        if let Some(stats) = args.stats.as_deref().filter(|stats| !is_standard_output(stats)) {
+            outputs.add(stats, "--stats", Named::ByUser)?;
+        }
         Ok(outputs)
     }
 
-    /// Every file can be written, and none would take the place of another, or of the scene.
-    fn check(&self, args: &RenderArgs) -> Result<()> {
-        let pictures = [self.exr.as_deref(), Some(&*self.png)];
-        let others = [args.stats.as_deref(), args.checkpoint.as_deref()];
-        let files: Vec<&Path> = pictures.into_iter().chain(others).flatten().collect();
-        for (i, file) in files.iter().enumerate() {
-            image_io::check_writable(file)?;
-            let kept = args.resume.as_deref().filter(|_| args.checkpoint.as_deref() != Some(file));
-            let read = [Some(args.scene.scene.as_path()), args.photon_map.as_deref(), kept];
-            let others = files[..i].iter().copied().chain(read.into_iter().flatten());
-            if let Some(other) = others.into_iter().find(|other| image_io::is_same_file(file, other)) {
-                bail!("{} would overwrite {}; give it another name", file.display(), other.display());
-            }
-        }
-        Ok(())
+    /// About how long writing will take: measured by a part of the picture, in noise, which takes longest. Nothing is left of it.
+    fn time_to_write(&self, request: &RenderRequest) -> Result<Duration> {
+        /// Rows that are written.
+        const ROWS: u32 = 64;
+        let window =
+            request.crop.map_or((request.width, request.height), |crop| (crop.width(), crop.height()));
+        let (width, rows) = (window.0, window.1.min(ROWS));
+        let empty = Film::new(width, rows, None, request.layers)?.develop();
+        let mut image = Image::new(width, rows);
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32
+        };
+        image.layers = layers_of(&empty);
+        image.layers.iter_mut().flat_map(|layer| &mut layer.data).for_each(|value| *value = noise());
+        let time = image_io::time_to_write_exr(self.exr.as_ref().unwrap_or(&self.png), &image)?;
+        Ok(time.mul_f64(f64::from(window.1) / f64::from(rows)))
     }
 
+    /// Says what was written.
+    fn tell(&self) {
+        for path in self.exr.iter().chain([&self.png]) {
+            say!("wrote {}", path.display());
+        }
+    }
+
+    /// Writes all there is to write, also where some of it cannot be written.
     fn write(
         &self,
         args: &RenderArgs,
         loaded: &Loaded,
         developed: &Developed,
         statistics: &Statistics,
-    ) -> Result<()> {
+    ) -> Vec<anyhow::Error> {
+        let results = [
+            self.write_exr(loaded, developed, statistics),
+            self.write_png(args, loaded, developed),
+            write_statistics(args, statistics),
+        ];
+        results.into_iter().filter_map(Result::err).collect()
+    }
+
+    fn write_exr(&self, loaded: &Loaded, developed: &Developed, statistics: &Statistics) -> Result<()> {
         let (width, height) = (developed.rect.width(), developed.rect.height());
         if let Some(exr) = &self.exr {
-            let layers = developed.layers.iter().map(|layer| {
-                let name = if layer.name == "beauty" { "" } else { layer.name };
-                Layer::new(name, layer.channels, layer.values.clone())
-            });
             let mut image = Image::new(width, height);
-            image.layers = layers.collect();
+            let is_whole = (width, height) == (developed.width, developed.height);
+            image.window = (!is_whole).then_some(Window {
+                x: developed.rect.x0.into(),
+                y: developed.rect.y0.into(),
+                full_width: developed.width,
+                full_height: developed.height,
+            });
+            image.layers = layers_of(developed);
             image.metadata = metadata(loaded, developed, statistics)?;
             image_io::write_exr(exr, &image)?;
         }
+        Ok(())
+    }
+
+    fn write_png(&self, args: &RenderArgs, loaded: &Loaded, developed: &Developed) -> Result<()> {
+        let (width, height) = (developed.rect.width(), developed.rect.height());
         let tone = ToneMap {
             exposure: args.exposure.unwrap_or(loaded.description.film.exposure)
                 + loaded.description.film.white,
@@ -312,21 +403,44 @@ impl Outputs {
             },
         };
         let bytes = tone.to_srgb8(developed.beauty());
-        image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?;
-        write_statistics(args, statistics)
+        Ok(image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?)
     }
+}
+
+/// The layers as a file has them.
+fn layers_of(developed: &Developed) -> Vec<Layer> {
+    let layers = developed.layers.iter().map(|layer| {
+        let name = if layer.name == "beauty" { "" } else { layer.name };
+        Layer::new(name, layer.channels, layer.values.clone())
+    });
+    layers.collect()
+}
+
+/// Whether a file to write is named `-`, as programs call standard output.
+fn is_standard_output(path: &Path) -> bool {
+    path.as_os_str() == "-"
 }
 
 /// Writes `--stats` and prints the table, where they are asked for.
 fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
-    if args.stats_table {
-        write!(std::io::stdout().lock(), "{}", statistics.to_table())?;
-    }
+    let mut printed = String::new();
     if let Some(path) = &args.stats {
-        let text = serde_json::to_string_pretty(statistics)?;
-        image_io::write_text(path, &(text + "\n"))?;
+        let text = serde_json::to_string_pretty(statistics)? + "\n";
+        match is_standard_output(path) {
+            true => printed = text,
+            false => image_io::write_text(path, &text)?,
+        }
     }
-    Ok(())
+    if args.stats_table {
+        printed += &statistics.to_table();
+    }
+    // Whoever reads may have seen enough.
+    match std::io::stdout().lock().write_all(printed.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(error).context("cannot write to standard output")
+        }
+        _ => Ok(()),
+    }
 }
 
 /// What a picture needs to be made again.
@@ -351,6 +465,7 @@ fn metadata(
         ("cardioid/embree".into(), loaded.device.version().to_string().into()),
         ("cardioid/openimageio".into(), library.into()),
         ("cardioid/target".into(), instruction_set().into()),
+        (LAYERS.into(), LayerMeaning::of(&statistics.settings).name().into()),
         ("cardioid/window".into(), format!("{},{},{},{}", rect.x0, rect.y0, rect.x1, rect.y1).into()),
         ("cardioid/fullSize".into(), format!("{}x{}", developed.width, developed.height).into()),
     ];
@@ -387,13 +502,20 @@ fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool
         (true, Some(asked)) => format!("stopped early: of {asked} rounds "),
         _ => String::new(),
     };
-    eprintln!(
-        "{early}{} rounds{resumed}, {} photons, {:.1} s; the same picture again by --rounds {}",
-        rounds.done, rounds.photons_stored, rounds.seconds, rounds.done
+    say!(
+        "{early}{} rounds{resumed}, {} photons, {:.1} s; the same picture again by --rounds {}{}",
+        rounds.done,
+        rounds.photons_stored,
+        rounds.seconds,
+        rounds.done,
+        rounds.fitted.map_or_else(String::new, |round| format!(
+            " --spp {} --global-photons {} --caustic-photons {}",
+            round.spp, round.global_photons, round.caustic_photons
+        ))
     );
     match &rounds.error {
         Some(error) => {
-            eprintln!(
+            say!(
                 "relative error about {:.2} %: noise {:.2} %, bias {:.2} %{}",
                 100.0 * error.error,
                 100.0 * error.noise,
@@ -403,7 +525,7 @@ fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool
                     .map_or_else(String::new, |target| format!(" (asked for: {:.2} %)", 100.0 * target))
             );
             if error.noise_without_glints.powi(2) < 0.75 * error.noise.powi(2) {
-                eprintln!(
+                say!(
                     "{} pixels are far brighter in one half of the rounds than in the other: something small and bright \
                      that few samples meet, such as a lamp seen in glass. How far off they are is not known; without \
                      them the noise is {:.2} %",
@@ -412,21 +534,15 @@ fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool
                 );
             }
         }
-        None => eprintln!("the relative error is not known after a single round"),
+        None => say!("the relative error is not known after a single round"),
     }
 }
 
-fn summary(
-    statistics: &Statistics,
-    stopped: Option<Stop>,
-    outputs: &Outputs,
-    asked: u32,
-    developed: &Developed,
-) {
+fn summary(statistics: &Statistics, stopped: Option<Stop>, asked: u32, developed: &Developed) {
     let times = &statistics.times;
     for map in &statistics.maps {
         let name = serde_json::to_value(map.map).ok().and_then(|v| v.as_str().map(str::to_owned));
-        eprintln!(
+        say!(
             "{} map{}: {} photons of {} emitted, {:.1} MB, {:.2} s",
             name.unwrap_or_default(),
             if map.from_file { " from the file" } else { "" },
@@ -437,11 +553,11 @@ fn summary(
         );
     }
     if let Some(cache) = &statistics.cache {
-        eprintln!("irradiance cache: {} records, {:.2} s", cache.records, times.cache);
+        say!("irradiance cache: {} records, {:.2} s", cache.records, times.cache);
     }
     if let Some(maps) = &statistics.illumination {
         let sizes = &maps.sizes;
-        eprintln!(
+        say!(
             "illumination maps of {} surfaces: {} photons in {} elements, caustics in {} (of {} everywhere), {:.1} MB, {:.2} s",
             sizes.surfaces,
             sizes.photons,
@@ -453,14 +569,16 @@ fn summary(
         );
     }
     if let Some(adaptive) = &statistics.adaptive {
-        eprintln!(
+        say!(
             "samples by variance: {} to {} per pixel, {:.2} on average",
-            adaptive.fewest, adaptive.most, adaptive.mean
+            adaptive.fewest,
+            adaptive.most,
+            adaptive.mean
         );
     }
     for light in &statistics.shadows {
         let decided = &light.decisions;
-        eprintln!(
+        say!(
             "shadow photons of light {}: {} direct, {} shadow; saved {} shadow rays ({:.1} %); lit {}, shadow {}, mixed {}, \
              too few {}",
             light.light,
@@ -474,20 +592,21 @@ fn summary(
             decided.too_few
         );
     }
-    eprintln!(
+    say!(
         "scene {:.2} s, photons {:.2} s, pixels {:.2} s; {} samples per pixel, mean ray depth {:.2}",
-        times.scene, times.photons, times.pixels, statistics.samples, statistics.mean_depth
+        times.scene,
+        times.photons,
+        times.pixels,
+        statistics.samples,
+        statistics.mean_depth
     );
     if let Some(rounds) = &statistics.rounds {
         summary_of_rounds(rounds, statistics.settings.rounds, stopped.is_some());
     } else if stopped.is_some() {
-        eprintln!(
+        say!(
             "stopped early: {} of {asked} samples per pixel, {} pixels have none",
-            statistics.samples, developed.unsampled
+            statistics.samples,
+            developed.unsampled
         );
     }
-    if let Some(exr) = &outputs.exr {
-        eprintln!("wrote {}", exr.display());
-    }
-    eprintln!("wrote {}", outputs.png.display());
 }

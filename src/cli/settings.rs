@@ -21,7 +21,7 @@ pub(crate) struct SettingsArgs {
     map: Option<MapArg>,
 
     /// Seed of all random numbers: the same seed gives the same bits.
-    #[arg(long)]
+    #[arg(long, value_name = "N", value_parser = seed)]
     seed: Option<u64>,
 
     /// Camera samples per pixel. Time in proportion; noise falls with the root.
@@ -144,7 +144,7 @@ pub(crate) struct SettingsArgs {
     cache_error: Option<f32>,
 
     /// Gather rays for each place of the cache.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
+    #[arg(long, value_name = "N", value_parser = cache_samples)]
     cache_samples: Option<u32>,
 
     /// Whether objects that the scene gives illumination maps have them; otherwise photon maps serve everywhere.
@@ -181,6 +181,17 @@ pub(crate) struct SettingsArgs {
     target_error: Option<f64>,
 }
 
+fn seed(text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("write a whole number from 0 to {}", u64::MAX))
+}
+
+fn cache_samples(text: &str) -> Result<u32, String> {
+    match count_from_one(text)? {
+        rays @ 4.. => Ok(rays),
+        _ => Err("write a number of rays from 4 on".to_owned()),
+    }
+}
+
 /// A number of rounds.
 fn rounds(text: &str) -> Result<u64, String> {
     count(text).and_then(|rounds| if rounds == 0 { Err("must be at least 1".to_owned()) } else { Ok(rounds) })
@@ -189,27 +200,27 @@ fn rounds(text: &str) -> Result<u64, String> {
 fn target_error(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(error) if (1e-6..=10.0).contains(&error) => Ok(error),
-        _ => Err("the error is a number from 0.000001 to 10, for example 0.02 for 2 %".to_owned()),
+        _ => Err("write a number from 0.000001 to 10, for example 0.02 for 2 %".to_owned()),
     }
 }
 
 fn cache_error(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(a) if (0.01..=1.0).contains(&a) => Ok(a),
-        _ => Err("the error is a number from 0.01 to 1".to_owned()),
+        _ => Err("write a number from 0.01 to 1, for example 0.25".to_owned()),
     }
 }
 
 fn share(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("a share is a number from 0 to 1".to_owned()),
+        _ => Err("write a number from 0 to 1, for example 0.2".to_owned()),
     }
 }
 
 /// A whole number, as people write large ones: `500000`, `500_000`, `500k`, `0.5M` or `5e5`.
 pub(crate) fn count(text: &str) -> Result<u64, String> {
-    let message = || "write a whole number, for example 500000, 500k, 1.5M or 5e5".to_owned();
+    let message = || "write a whole number of at least 0, for example 500000, 500k, 1.5M or 5e5".to_owned();
     let plain = text.replace('_', "");
     if let Ok(number) = plain.parse() {
         return Ok(number);
@@ -245,12 +256,15 @@ pub(crate) fn count_from_one(text: &str) -> Result<u32, String> {
 fn radius(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(radius) if radius > 0.0 && radius.is_finite() => Ok(radius),
-        _ => Err("a radius is a number of metres above zero".to_owned()),
+        _ => Err("write a number of metres above 0, for example 0.05".to_owned()),
     }
 }
 
 pub(crate) fn bytes(text: &str) -> Result<u64, String> {
-    let message = || "write a number of bytes with kB, MB or GB, for example 500MB".to_owned();
+    let message = || {
+        "write a number of bytes from 1kB to 1000000GB with its unit (kB, MB or GB), for example 500MB"
+            .to_owned()
+    };
     let at = text.find(|c: char| c.is_ascii_alphabetic()).ok_or_else(message)?;
     let (number, unit) = text.split_at(at);
     let factor = match unit.to_ascii_lowercase().as_str() {
@@ -267,7 +281,7 @@ pub(crate) fn bytes(text: &str) -> Result<u64, String> {
 fn cone_constant(text: &str) -> Result<f32, String> {
     match text.parse::<f32>() {
         Ok(k) if k >= 1.0 && k.is_finite() => Ok(k),
-        _ => Err("the filter constant is a number of at least 1".to_owned()),
+        _ => Err("write a number of at least 1, for example 1.1".to_owned()),
     }
 }
 

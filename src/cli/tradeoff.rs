@@ -1,6 +1,7 @@
 //! `cardioid tradeoff`: what settings cost and buy on one scene.
 
 use super::compare::read_picture;
+use super::outputs::{Named, Outputs};
 use super::picture::{Loaded, SceneArgs, load};
 use super::progress::{Console, catch_interrupts, interrupted};
 use super::render::duration;
@@ -34,12 +35,16 @@ pub(crate) struct TradeoffArgs {
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
 
+    /// Write into a folder under the default name that holds something else.
+    #[arg(long)]
+    overwrite: bool,
+
     /// Render no more after this time, for example 10m or 2h; what is not rendered then is listed.
     #[arg(long, value_name = "TIME", value_parser = duration)]
     time_budget: Option<Duration>,
 
     /// Pictures of each cell, with seeds of their own. One alone tells bias from noise no more.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = seeds)]
     seeds: u64,
 
     /// What knobs are turned around.
@@ -89,12 +94,25 @@ enum ReferenceBy {
     Path,
 }
 
+fn seeds(text: &str) -> Result<u64, String> {
+    match text.parse() {
+        Ok(seeds @ 1..=100) => Ok(seeds),
+        _ => Err("write a number of seeds from 1 to 100".to_owned()),
+    }
+}
+
 fn knob(text: &str) -> Result<String, String> {
     if text == "none" || KNOBS.contains(&text) {
         return Ok(text.to_owned());
     }
     Err(format!("the knobs are {}", KNOBS.join(", ")))
 }
+
+/// What is written into the folder.
+const REPORTS: [&str; 4] = ["tradeoff.csv", "tradeoff.svg", "tradeoff.md", "report.html"];
+
+/// The picture of a reference that was given, in the folder of runs.
+const REFERENCE_PNG: &str = "reference.png";
 
 /// Seeds of the halves of a reference; those of cells count from zero.
 const REFERENCE_SEEDS: [u64; 2] = [1_000_001, 1_000_002];
@@ -127,17 +145,35 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<ExitCode> {
     catch_interrupts();
     let start = Instant::now();
     let console = Console::new(args.quiet, None);
-    console.busy("reading and building the scene");
-    let loaded = load(&args.scene, &console, &|| console.finish());
-    console.finish();
-    let loaded = loaded?;
     let folder = args.output.clone().unwrap_or_else(|| {
         let mut name = args.scene.scene.file_stem().unwrap_or_default().to_owned();
         name.push("-tradeoff");
         PathBuf::from(name)
     });
     let runs = folder.join("runs");
+    // A folder of reports has one of runs.
+    let is_foreign = args.output.is_none() && !args.overwrite && folder.exists() && !runs.is_dir();
+    if is_foreign {
+        bail!(
+            "{} is there already and is no folder of `cardioid tradeoff`, which has a folder `runs`: name another folder with -o, \
+             or write into this one with --overwrite",
+            folder.display()
+        );
+    }
     fs::create_dir_all(&runs).with_context(|| format!("cannot make the folder {}", runs.display()))?;
+    let references = [&args.reference, &args.second_half];
+    let given = references.into_iter().flatten().chain([&args.scene.scene]);
+    let mut outputs = Outputs::new(given.map(PathBuf::as_path));
+    for name in REPORTS {
+        outputs.add(&folder.join(name), "the report", Named::ByUser)?;
+    }
+    if args.reference.is_some() {
+        outputs.add(&runs.join(REFERENCE_PNG), "the picture of the reference", Named::ByUser)?;
+    }
+    console.busy("reading and building the scene");
+    let loaded = load(&args.scene, &outputs, &console, &|| console.finish());
+    console.finish();
+    let loaded = loaded?;
     let program = std::env::current_exe().context("cannot find this program itself")?;
     let sweeper = Sweeper { args, loaded: &loaded, runs, program, start };
     let state = |base: Base| {
@@ -151,7 +187,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<ExitCode> {
     let reference = sweeper.reference(&console)?;
     let Some((halves, origin)) = reference else {
         console.finish();
-        eprintln!("stopped before there was a reference");
+        say!("stopped before there was a reference");
         return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
     };
     let (outcomes, shown, missing) = sweeper.all(&cells, &halves, &console)?;
@@ -167,16 +203,16 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<ExitCode> {
     let sweep = Sweep { scene, size: loaded.size, threads, reference: origin, outcomes, missing };
     let mut pictures = vec![Shown { name: "reference".to_owned(), png: halves.png }];
     pictures.extend(shown);
-    image_io::write_text(folder.join("tradeoff.csv"), &csv(&sweep))?;
-    image_io::write_text(folder.join("tradeoff.svg"), &svg(&sweep))?;
-    image_io::write_text(folder.join("tradeoff.md"), &markdown(&sweep))?;
-    image_io::write_text(folder.join("report.html"), &html(&sweep, &pictures))?;
+    let reports = [csv(&sweep), svg(&sweep), markdown(&sweep), html(&sweep, &pictures)];
+    for (name, text) in REPORTS.iter().zip(reports) {
+        image_io::write_text(folder.join(name), &text)?;
+    }
     if !args.quiet {
-        eprint!("{}", front_table(&sweep));
+        say!("{}", front_table(&sweep).trim_end());
         for (name, reason) in &sweep.missing {
-            eprintln!("not rendered: {name}: {reason}");
+            say!("not rendered: {name}: {reason}");
         }
-        eprintln!("wrote {}", folder.join("report.html").display());
+        say!("wrote {}", folder.join("report.html").display());
     }
     Ok(interrupted().map_or(ExitCode::SUCCESS, ExitCode::from))
 }
@@ -299,7 +335,7 @@ impl Sweeper<'_> {
                 Ok(values)
             };
             let values = [read(first)?, read(second)?];
-            let png = self.runs.join("reference.png");
+            let png = self.runs.join(REFERENCE_PNG);
             self.write_png(&png, &values[0])?;
             return Ok(Some((
                 Halves { size, values, png: file(&png)? },
@@ -384,9 +420,17 @@ impl Sweeper<'_> {
         }
         command.args(["--seed", &seed.to_string(), "--beauty-only", "--quiet"]);
         command.arg("--output").arg(&files.exr).arg("--stats").arg(&files.stats);
+        // What an earlier run left under these names is ours, whatever it looks like; a reference that was given is not.
+        let given = [&self.args.reference, &self.args.second_half];
+        let mut outputs = Outputs::new(given.into_iter().flatten().map(PathBuf::as_path));
+        for file in [&files.exr, &files.png, &files.stats] {
+            outputs.add(file, "a run", Named::ByUser)?;
+        }
+        // It ends when this process does, however that ends.
+        command.args(["--overwrite", "--end-with-input"]);
         let log = files.stats.with_extension("log");
         let said = fs::File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(said);
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(said);
         let mut child = command.spawn().context("cannot start a render")?;
         let status = loop {
             if interrupted().is_some() {

@@ -211,7 +211,8 @@ impl Pass<'_> {
             .enumerate()
             .par_bridge()
             .filter_map(|(number, task)| {
-                if stop.load(Ordering::Relaxed) {
+                // The first is done however late its thread gets to it: without it there would be nothing.
+                if number > 0 && stop.load(Ordering::Relaxed) {
                     return None;
                 }
                 let traced = batch.trace_range(task.light, task.first, task.end, emitted, &mut |_| ());

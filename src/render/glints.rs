@@ -9,6 +9,7 @@ use crate::sampling::{SampleStream, Stream, mix};
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use glam::Vec2;
 use rayon::prelude::*;
+use std::time::Instant;
 
 /// Places of a picture from which is looked, in all, and within a pixel: more in a small picture, whose pixels show more.
 const PLACES: usize = 5_000_000;
@@ -22,7 +23,26 @@ pub(super) struct Glints<'a> {
     pub(super) hunter: Hunter<'a>,
 }
 
-/// What is found, for the window of the request; `None` where the plan does without. Each pixel's glints are the same whatever the
+/// What came of looking for glints.
+pub(super) enum GlintHunt<'a> {
+    /// All there are.
+    Done(Glints<'a>),
+    /// The plan does without.
+    Unplanned,
+    /// There was no time for all of the picture, so for none of it.
+    Late,
+}
+
+impl GlintHunt<'_> {
+    /// What [`GlintHunt::Late`] means to the user.
+    pub(super) const LATE: &'static str = "there was no time to look for lamps in glass and mirrors: where they are smaller than a \
+        pixel, samples meet them by chance, as white dots; give it more time";
+}
+
+/// Looking for glints takes at most this share of the time that is left.
+const TIME_SHARE: f64 = 0.15;
+
+/// What is found, for the window of the request. Each pixel's glints are the same whatever the
 /// window.
 pub(super) fn find_glints<'a>(
     scene: &'a Scene,
@@ -30,10 +50,13 @@ pub(super) fn find_glints<'a>(
     request: &RenderRequest,
     plan: &RenderPlan,
     observer: &dyn Observer,
-) -> Option<Glints<'a>> {
+) -> GlintHunt<'a> {
     if !plan.glints.build {
-        return None;
+        return GlintHunt::Unplanned;
     }
+    let start = Instant::now();
+    let end = observer.deadline().map(|end| start + end.saturating_duration_since(start).mul_f64(TIME_SHARE));
+    let is_late = || end.is_some_and(|end| Instant::now() >= end);
     let RenderRequest { width, height, crop, ref filter, ref settings, .. } = *request;
     let whole = PixelRect::whole(width, height);
     let margin = (FARTHEST_GLINT + filter.radius()).ceil() as u32 + 2;
@@ -61,7 +84,7 @@ pub(super) fn find_glints<'a>(
         .map_init(Scratch::default, |scratch, y| {
             let mut found = Vec::new();
             for x in rows.x0..rows.x1 {
-                if observer.is_cancelled() {
+                if observer.is_cancelled() || is_late() {
                     break;
                 }
                 let pixel = u64::from(y) * u64::from(width) + u64::from(x);
@@ -76,6 +99,9 @@ pub(super) fn find_glints<'a>(
             found
         })
         .collect();
+    if is_late() {
+        return GlintHunt::Late;
+    }
     observer.advance(found.len() as u64);
-    Some(Glints { map: GlintMap::new(found.concat()), hunter })
+    GlintHunt::Done(Glints { map: GlintMap::new(found.concat()), hunter })
 }

@@ -1,11 +1,12 @@
 //! Pass 2 as a job: tiles of pixels on all threads, merged in order.
 
 use super::adaptive::{Moments, SampleCounts, pilot_samples};
-use super::glints::{Glints, find_glints};
+use super::glints::{GlintHunt, Glints, find_glints};
 use super::lamps_in_view::LampsInView;
 use super::maps::{ForPicture, PassOne, build_maps_from};
-use super::memory::{MemoryError, resident_memory};
-use super::observer::Observer;
+use super::memory::{MemoryError, PhotonCounts, resident_memory};
+use super::observer::{Observer, Silent};
+use super::pace::{Pace, Paced};
 use super::pretrace::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
@@ -27,7 +28,7 @@ use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 use std::ops::Range;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// What is to be rendered.
 #[derive(Clone, Debug)]
@@ -64,6 +65,8 @@ pub struct Rendered {
     pub statistics: Statistics,
     /// Whether it was stopped early.
     pub stopped: Option<Stop>,
+    /// Why rounds could not be kept, where the file has not all of them.
+    pub checkpoint_failure: Option<CheckpointError>,
 }
 
 /// Why nothing can be rendered.
@@ -155,13 +158,27 @@ pub fn render_with_maps(
         Vec::new()
     };
     let mut memory = scene_memory(scene);
-    let mut pass_one = build_maps_from(
-        scene,
-        &plan,
-        settings,
-        ForPicture { camera: Some(camera), finest: &finest, saved },
-        observer,
-    )?;
+    // Photons of a file are as many as they are.
+    let paced = match observer.deadline().filter(|_| saved.is_none()) {
+        Some(deadline) => {
+            Pace { scene, camera, request, plan: &plan, finest: &finest, deadline, observer }.fit(settings)?
+        }
+        None => Paced::unlimited(settings),
+    };
+    let Paced { ref settings, maps, tracing, seconds_sample, .. } = paced;
+    let mut pass_one = match maps {
+        Some(maps) => maps,
+        None => {
+            let picture = ForPicture { camera: Some(camera), finest: &finest, saved, time: tracing };
+            build_maps_from(scene, &plan, settings, picture, observer)?
+        }
+    };
+    pass_one.warnings.extend(paced.warnings);
+    let asked = PhotonCounts::of(&request.settings, &plan);
+    for map in pass_one.statistics.iter_mut().filter(|map| !map.from_file) {
+        map.stopped |= map.asked < asked.for_map(map.map);
+        map.asked = asked.for_map(map.map);
+    }
     memory.photons = resident_memory();
     if sums_up && reads.is_some() {
         pass_one.warnings.push(
@@ -177,10 +194,22 @@ pub fn render_with_maps(
     }
     if pass_one.cancelled {
         let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
-        return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
+        return Ok(Rendered {
+            film,
+            statistics,
+            stopped: Some(Stop::BeforePixels),
+            checkpoint_failure: None,
+        });
     }
     let begun = Instant::now();
-    let glints = find_glints(scene, camera, request, &plan, observer);
+    let glints = match find_glints(scene, camera, request, &plan, observer) {
+        GlintHunt::Done(glints) => Some(glints),
+        GlintHunt::Unplanned => None,
+        GlintHunt::Late => {
+            pass_one.warnings.push(GlintHunt::LATE.to_owned());
+            None
+        }
+    };
     let seconds_glints = begun.elapsed().as_secs_f64();
     let pass_two = PassTwo {
         scene,
@@ -192,11 +221,17 @@ pub fn render_with_maps(
         reading: settings.photon_map_settings(scene),
         glints: glints.as_ref(),
         samples: CameraSamples { seed: settings.seed, first: 0 },
+        seconds_sample,
         observer,
     };
     let Some(taken) = pass_two.run(&mut film)? else {
         let statistics = Statistics { memory, ..statistics(scene, settings, plan, pass_one) };
-        return Ok(Rendered { film, statistics, stopped: Some(Stop::BeforePixels) });
+        return Ok(Rendered {
+            film,
+            statistics,
+            stopped: Some(Stop::BeforePixels),
+            checkpoint_failure: None,
+        });
     };
     let finished = taken.finished;
     memory.cache = taken.memory_cache;
@@ -205,7 +240,8 @@ pub fn render_with_maps(
     statistics.take(taken);
     statistics.times.pixels += seconds_glints;
     statistics.complete(&film, scene);
-    Ok(Rendered { film, statistics, stopped: (!finished).then_some(Stop::DuringPixels) })
+    let stopped = (!finished).then_some(Stop::DuringPixels);
+    Ok(Rendered { film, statistics, stopped, checkpoint_failure: None })
 }
 
 /// Random numbers of camera samples: those of a seed, from some number on.
@@ -227,6 +263,8 @@ pub(super) struct PassTwo<'a> {
     pub(super) reading: PhotonMapSettings,
     pub(super) glints: Option<&'a Glints<'a>>,
     pub(super) samples: CameraSamples,
+    /// What a sample of every pixel takes, by [`PassTwo::measure`]; zero where there is no time limit.
+    pub(super) seconds_sample: Duration,
     pub(super) observer: &'a dyn Observer,
 }
 
@@ -254,52 +292,22 @@ impl PassTwo<'_> {
         let mut cache = None;
         let mut memory_cache = None;
         let medium = scene.medium_at(self.camera.eye());
-        let integrator: Box<dyn Integrator + '_> = match settings.integrator {
-            IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
-                let mut integrator = PhotonMapIntegrator::new(scene, maps, plan, reading, medium);
-                if plan.irradiance_cache.build {
-                    cache = fill_cache(&mut integrator, self.camera, self.request, settings, observer);
-                    if cache.is_none() {
-                        return Ok(None);
-                    }
-                    seconds_cache = start.elapsed().as_secs_f64();
-                    memory_cache = resident_memory();
-                    start = Instant::now();
-                }
-                Box::new(integrator)
+        let is_mapped =
+            matches!(settings.integrator, IntegratorKind::PhotonMap | IntegratorKind::Progressive);
+        let integrator: Box<dyn Integrator + '_> = if is_mapped && plan.irradiance_cache.build {
+            let mut integrator = PhotonMapIntegrator::new(scene, maps, plan, reading, medium);
+            cache = self.fill_cache(&mut integrator);
+            if cache.is_none() {
+                return Ok(None);
             }
-            IntegratorKind::Photons if settings.show == Show::Classes => {
-                Box::new(ShowClasses::new(scene, maps, settings.map, reading, medium))
-            }
-            IntegratorKind::Photons => Box::new(ShowPhotons::new(scene, maps, settings.map, reading, medium)),
-            IntegratorKind::Path => {
-                let guide = maps.guide.as_ref();
-                Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
-            }
+            seconds_cache = start.elapsed().as_secs_f64();
+            memory_cache = resident_memory();
+            start = Instant::now();
+            Box::new(integrator)
+        } else {
+            self.integrator(medium)
         };
-        let lamps = match settings.integrator {
-            IntegratorKind::Photons => LampsInView::default(),
-            _ => LampsInView::new(scene, self.camera, medium, self.request),
-        };
-        let pixels = PixelPass {
-            camera: self.camera,
-            request: self.request,
-            sampler: &sampler,
-            integrator: &*integrator,
-            scene,
-            lamps,
-            glints: self.glints,
-            certain: match settings.integrator {
-                // What others are measured by.
-                IntegratorKind::Path => None,
-                // Of even and odd rounds, each of which has its own numbers.
-                IntegratorKind::Progressive => Some(2.0 * self.samples.first as f32 + settings.spp as f32),
-                IntegratorKind::PhotonMap | IntegratorKind::Photons => Some(settings.spp as f32),
-            },
-            medium,
-            samples: self.samples,
-            observer,
-        };
+        let pixels = self.pixels(&*integrator, &sampler, medium, observer);
         let PixelsDone { counters, shadows, finished, adaptive } =
             if settings.adaptive { pixels.run_adaptive(film)? } else { pixels.run(film)? };
         let seconds_pixels = start.elapsed().as_secs_f64();
@@ -313,6 +321,113 @@ impl PassTwo<'_> {
             seconds_pixels,
             finished,
         }))
+    }
+
+    /// What samples are computed by, without an irradiance cache.
+    fn integrator(&self, medium: Surroundings) -> Box<dyn Integrator + '_> {
+        let Self { scene, settings, plan, maps, reading, .. } = *self;
+        match settings.integrator {
+            IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
+                Box::new(PhotonMapIntegrator::new(scene, maps, plan, reading, medium))
+            }
+            IntegratorKind::Photons if settings.show == Show::Classes => {
+                Box::new(ShowClasses::new(scene, maps, settings.map, reading, medium))
+            }
+            IntegratorKind::Photons => Box::new(ShowPhotons::new(scene, maps, settings.map, reading, medium)),
+            IntegratorKind::Path => {
+                let guide = maps.guide.as_ref();
+                Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
+            }
+        }
+    }
+
+    fn pixels<'b>(
+        &'b self,
+        integrator: &'b dyn Integrator,
+        sampler: &'b FilterSampler,
+        medium: Surroundings,
+        observer: &'b dyn Observer,
+    ) -> PixelPass<'b> {
+        let Self { scene, settings, .. } = *self;
+        let lamps = match settings.integrator {
+            IntegratorKind::Photons => LampsInView::default(),
+            _ => LampsInView::new(scene, self.camera, medium, self.request),
+        };
+        PixelPass {
+            camera: self.camera,
+            request: self.request,
+            sampler,
+            integrator,
+            scene,
+            lamps,
+            glints: self.glints,
+            certain: match settings.integrator {
+                // What others are measured by.
+                IntegratorKind::Path => None,
+                // Of even and odd rounds, each of which has its own numbers.
+                IntegratorKind::Progressive => Some(2.0 * self.samples.first as f32 + settings.spp as f32),
+                IntegratorKind::PhotonMap | IntegratorKind::Photons => Some(settings.spp as f32),
+            },
+            medium,
+            samples: self.samples,
+            observer,
+        }
+    }
+
+    /// Seconds that one sample of every pixel takes on all threads, without an irradiance cache: measured at pixels all over the
+    /// picture for about as long as `time`, and at a few of them in any case.
+    pub(super) fn measure(&self, time: Duration) -> Result<Duration, RenderError> {
+        /// Pixels in a batch, for each thread.
+        const BATCH: usize = 16;
+        /// The fractional parts of its multiples fill the unit interval evenly.
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        let sampler = self.request.filter.sampler()?;
+        let medium = self.scene.medium_at(self.camera.eye());
+        let integrator = self.integrator(medium);
+        let pixels = self.pixels(&*integrator, &sampler, medium, &Silent);
+        let rect = self.request.crop.unwrap_or(PixelRect::whole(self.request.width, self.request.height));
+        let area = rect.area().max(1);
+        let batch = BATCH * rayon::current_num_threads();
+        let (start, mut done) = (Instant::now(), 0);
+        while done < batch || done < area / 16 && start.elapsed() < time && !self.observer.is_cancelled() {
+            (done..done + batch).into_par_iter().with_max_len(1).for_each_init(
+                Scratch::default,
+                |scratch, n| {
+                    let index = ((n as f64 * GOLDEN).fract() * area as f64) as u32;
+                    let (x, y) = (rect.x0 + index % rect.width(), rect.y0 + index / rect.width());
+                    let rect = PixelRect { x0: x, y0: y, x1: x + 1, y1: y + 1 };
+                    let mut rendered = RenderedTile { rect, ..RenderedTile::default() };
+                    pixels.fill(&mut rendered, &|_, _| 0..1, false, scratch);
+                },
+            );
+            done += batch;
+        }
+        Ok(start.elapsed().mul_f64(area as f64 / done as f64))
+    }
+
+    /// Fills the irradiance cache for the whole picture, whatever part of it is rendered. `None` where it was stopped.
+    fn fill_cache(&self, integrator: &mut PhotonMapIntegrator<'_>) -> Option<CacheStatistics> {
+        let Self { camera, settings, observer, .. } = *self;
+        let RenderRequest { width, height, .. } = *self.request;
+        observer.begin("filling the irradiance cache", u64::from(width) * u64::from(height));
+        let filling = CacheRequest {
+            camera,
+            size: (width, height),
+            seed: settings.seed,
+            error: settings.cache_error,
+            rays: settings.cache_samples,
+        };
+        // What the cache lacks is gathered while pixels are rendered, so of a limited time it gets no more than half, and nothing of
+        // what a sample of every pixel takes.
+        let start = Instant::now();
+        let end = observer.deadline().map(|end| {
+            let left = end.saturating_duration_since(start);
+            start + left.mul_f64(0.5).min(left.saturating_sub(self.seconds_sample))
+        });
+        let is_late = || end.is_some_and(|end| Instant::now() >= end);
+        let advance = |done| observer.advance(done);
+        let pass = integrator.fill_cache(&filling, &|| observer.is_cancelled(), &is_late, &advance)?;
+        Some(CacheStatistics { records: pass.records, rejected: pass.rejected, counters: pass.counters })
     }
 }
 
@@ -357,32 +472,6 @@ impl Statistics {
         self.rejected_samples = film.rejections().samples;
         warn(self, scene);
     }
-}
-
-/// Fills the irradiance cache for the whole picture, whatever part of it is rendered. `None` where it was stopped.
-fn fill_cache(
-    integrator: &mut PhotonMapIntegrator<'_>,
-    camera: &Camera,
-    request: &RenderRequest,
-    settings: &Settings,
-    observer: &dyn Observer,
-) -> Option<CacheStatistics> {
-    let RenderRequest { width, height, .. } = request;
-    observer.begin("filling the irradiance cache", u64::from(*width) * u64::from(*height));
-    let filling = CacheRequest {
-        camera,
-        size: (*width, *height),
-        seed: settings.seed,
-        error: settings.cache_error,
-        rays: settings.cache_samples,
-    };
-    // What the cache lacks is gathered while pixels are rendered, so of a limited time it gets no more than half.
-    let start = Instant::now();
-    let end = observer.deadline().map(|end| start + end.saturating_duration_since(start).mul_f64(0.5));
-    let is_late = || end.is_some_and(|end| Instant::now() >= end);
-    let advance = |done| observer.advance(done);
-    let pass = integrator.fill_cache(&filling, &|| observer.is_cancelled(), &is_late, &advance)?;
-    Some(CacheStatistics { records: pass.records, rejected: pass.rejected, counters: pass.counters })
 }
 
 pub(super) fn statistics(
@@ -518,7 +607,9 @@ impl PixelPass<'_> {
                 // One by one: whole halves of a row of tiles would leave threads without work at the end.
                 .with_max_len(1)
                 .map_init(Scratch::default, |scratch, &rect| {
-                    if self.observer.should_stop() {
+                    // The first sample of every pixel is taken however late it is: without it there is no picture.
+                    let is_first = samples(rect.x0, rect.y0).start == 0;
+                    if self.observer.is_cancelled() || !is_first && self.observer.should_stop() {
                         return Ok(None);
                     }
                     let inside = rect.intersection(&film.rect());
@@ -536,6 +627,7 @@ impl PixelPass<'_> {
                     complete = false;
                     continue;
                 };
+                complete &= !rendered.is_cut;
                 if let Some(tile) = &rendered.tile {
                     film.merge(tile)?;
                 }
@@ -578,7 +670,13 @@ impl PixelPass<'_> {
             let glints = self.glints.and_then(|glints| glints.map.of_pixel(center, self.sampler));
             let shows_lamps = lamps.iter().any(|lamp| lamp.is_near(center));
             let mut moments = Moments::default();
-            for index in samples(x, y) {
+            let mut wanted = samples(x, y);
+            if self.observer.should_stop() {
+                let is_first = wanted.start == 0 && !self.observer.is_cancelled();
+                rendered.is_cut |= wanted.len() > usize::from(is_first);
+                wanted.end = wanted.end.min(wanted.start + u32::from(is_first));
+            }
+            for index in wanted {
                 let index = first.wrapping_add(index);
                 let mut stream = SampleStream::new(seed, pixel, index);
                 let filtered = self.sampler.sample(stream.next_2d());
@@ -640,6 +738,8 @@ struct RenderedTile {
     counters: Counters,
     shadows: Vec<ShadowCounters>,
     samples: u64,
+    /// Whether pixels lack samples, as it was to stop.
+    is_cut: bool,
 }
 
 /// What all pixels took.

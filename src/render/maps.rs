@@ -147,6 +147,8 @@ pub struct ForPicture<'a> {
     pub finest: &'a [f32],
     /// Photons of a file in place of traced ones: it has been checked that they are the same.
     pub saved: Option<SavedMaps>,
+    /// Time for tracing all photons; without it a share of what is left until the observer's deadline.
+    pub time: Option<Duration>,
 }
 
 /// [`build_maps`] for a picture.
@@ -165,15 +167,27 @@ pub fn build_maps_from(
     counts.check(settings, plan)?;
     let mut pass = PassOne { file: picture.saved.as_ref().map(SavedMaps::statistics), ..PassOne::default() };
     pass.warnings.extend(picture.saved.iter().flat_map(SavedMaps::warnings).cloned());
-    let limit = observer.deadline().map(|end| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE));
+    let share = |end: Instant| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE);
+    let limit = picture.time.or_else(|| observer.deadline().map(share));
+    // Where photons were counted to fit, neither map needs to be held to its half.
+    let is_counted = picture.time.is_some();
     let budget = picture
         .camera
         .filter(|_| plan.photon_budget.build && picture.saved.is_none())
         .and_then(|camera| light_importance(scene, camera, settings.seed));
     let ForPicture { finest, saved, .. } = picture;
     let deposits = Default::default();
-    let mut builder =
-        MapBuilder { scene, settings, saved, observer, finest, deposits, budget, pass: &mut pass };
+    let mut builder = MapBuilder {
+        scene,
+        settings,
+        saved,
+        observer,
+        finest,
+        deposits,
+        budget,
+        is_counted,
+        pass: &mut pass,
+    };
     let done = builder.build_all(plan, counts, limit);
     pass.cancelled = done.is_none();
     pass.seconds = start.elapsed().as_secs_f64();
@@ -229,6 +243,8 @@ struct MapBuilder<'a> {
     deposits: [Option<(Vec<Deposit>, u64)>; 2],
     /// By light, factors on its photons.
     budget: Option<Vec<f64>>,
+    /// Whether photons were counted to fit the time.
+    is_counted: bool,
     pass: &'a mut PassOne,
 }
 
@@ -237,7 +253,7 @@ impl MapBuilder<'_> {
     fn build_all(&mut self, plan: &RenderPlan, counts: PhotonCounts, limit: Option<Duration>) -> Option<()> {
         let start = Instant::now();
         if plan.global_map.build {
-            let share = if plan.caustic_map.build { 0.5 } else { 1.0 };
+            let share = if plan.caustic_map.build && !self.is_counted { 0.5 } else { 1.0 };
             let end = limit.map(|limit| start + limit.mul_f64(share));
             let map = self.build(MapKind::Global, counts, end)?;
             let precomputed =

@@ -8,6 +8,7 @@ mod lamps_in_view;
 mod maps;
 mod memory;
 mod observer;
+mod pace;
 mod pretrace;
 mod probe;
 mod progressive;
@@ -26,7 +27,7 @@ pub use observer::{Observer, Silent};
 pub use pretrace::finest_distances;
 pub use probe::{ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe};
 pub use progressive::{
-    Checkpoint, CheckpointError, ErrorEstimate, RoundStatistics, Rounds, blank_checkpoint_bytes,
+    Checkpoint, CheckpointError, ErrorEstimate, RoundSize, RoundStatistics, Rounds, blank_checkpoint_bytes,
     error_of_halves, parse_checkpoint_bytes, render_in_rounds,
 };
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};

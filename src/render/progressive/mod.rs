@@ -11,10 +11,11 @@ mod law;
 pub use checkpoint::{Checkpoint, CheckpointError, blank_checkpoint_bytes, parse_checkpoint_bytes};
 pub use error::{ErrorEstimate, error_of_halves};
 
-use super::glints::{Glints, find_glints};
+use super::glints::{GlintHunt, Glints, find_glints};
 use super::job::{PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, statistics};
 use super::maps::{PassOne, build_maps};
 use super::observer::Observer;
+use super::pace::Pace;
 use super::settings::Settings;
 use super::stats::Statistics;
 use crate::camera::Camera;
@@ -47,8 +48,22 @@ pub struct RoundStatistics {
     pub error: Option<ErrorEstimate>,
     /// That error asked for.
     pub target_error: Option<f64>,
+    /// Samples and photons of each round, where they are fewer than asked for, to fit a time limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fitted: Option<RoundSize>,
     /// The same after fewer rounds: the powers of two.
     pub history: Vec<ErrorEstimate>,
+}
+
+/// What a round is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+pub struct RoundSize {
+    /// Camera samples per pixel.
+    pub spp: u32,
+    /// Photons in the global map.
+    pub global_photons: u64,
+    /// Photons in the caustic map.
+    pub caustic_photons: u64,
 }
 
 /// What rounds of an earlier render are gone on with, and where these are kept.
@@ -100,7 +115,8 @@ const KEPT_EVERY: Duration = Duration::from_secs(30);
 /// round is finished in any case, unless nothing is wanted any more.
 ///
 /// # Errors
-/// Where the request makes no sense, or a file cannot be read or written.
+/// Where the request makes no sense, or a file cannot be read. One that cannot be written is told of in
+/// [`Rendered::checkpoint_failure`].
 pub fn render_in_rounds(
     scene: &Scene,
     camera: &Camera,
@@ -117,10 +133,9 @@ pub fn render_in_rounds(
     }
     let request = &RenderRequest { layers: LayerSet { bias: true, ..request.layers }, ..request.clone() };
     let plan = &settings.plan(scene);
-    let glints = find_glints(scene, camera, request, plan, observer);
-    let job = Job { scene, camera, request, plan, glints, observer };
     let identity = rounds.identity_of(request);
-    let empty = [job.film()?, job.film()?];
+    let film = || Film::new(request.width, request.height, request.crop, request.layers);
+    let empty = [film()?, film()?];
     let mut state = match &rounds.resume {
         Some(path) => Checkpoint::read(path, &identity, empty)?,
         None => {
@@ -131,7 +146,46 @@ pub fn render_in_rounds(
     };
     state.header.statistics.resumed = state.header.statistics.done;
     state.header.statistics.target_error = settings.target_error;
-    let mut run = Run { job, state, areas: Areas::new(), total: None, stopped: false, kept: Instant::now() };
+    let mut warnings = Vec::new();
+    let glints = match find_glints(scene, camera, request, plan, observer) {
+        GlintHunt::Done(glints) => Some(glints),
+        GlintHunt::Unplanned => None,
+        GlintHunt::Late => {
+            warnings.push(GlintHunt::LATE.to_owned());
+            None
+        }
+    };
+    // Rounds that are gone on with stay as they are.
+    let deadline = observer.deadline().filter(|_| state.header.statistics.done == 0);
+    if let Some(deadline) = deadline {
+        let paced = Pace { scene, camera, request, plan, finest: &[], deadline, observer }
+            .fit(&Settings { illumination_maps: false, ..settings.clone() })?;
+        let size = |settings: &Settings| RoundSize {
+            spp: settings.spp,
+            global_photons: settings.global_photons,
+            caustic_photons: settings.caustic_photons,
+        };
+        let fitted = size(&paced.settings);
+        state.header.statistics.fitted = (fitted != size(settings)).then_some(fitted);
+        warnings.extend(paced.warnings);
+    }
+    let fitted = state.header.statistics.fitted.map(|size| {
+        let RoundSize { spp, global_photons, caustic_photons } = size;
+        let settings =
+            Settings { spp, global_photons, caustic_photons, photons_memory: None, ..settings.clone() };
+        RenderRequest { settings, ..request.clone() }
+    });
+    let request = fitted.as_ref().unwrap_or(request);
+    let job = Job { scene, camera, request, plan, glints, warnings, observer };
+    let mut run = Run {
+        job,
+        state,
+        areas: Areas::new(),
+        total: None,
+        stopped: false,
+        kept: Instant::now(),
+        failure: None,
+    };
     run.all(&rounds)?;
     run.finish()
 }
@@ -142,6 +196,8 @@ struct Job<'a> {
     request: &'a RenderRequest,
     plan: &'a RenderPlan,
     glints: Option<Glints<'a>>,
+    /// Of what came before the rounds.
+    warnings: Vec<String>,
     observer: &'a dyn Observer,
 }
 
@@ -190,6 +246,7 @@ impl Job<'_> {
             reading: self.reading(area),
             glints: self.glints.as_ref(),
             samples: law::camera_samples(asked.seed, round, asked.spp),
+            seconds_sample: Duration::ZERO,
             observer: &observer,
         };
         let report = pass_two.run(&mut film)?.filter(|report| report.finished);
@@ -223,6 +280,8 @@ struct Run<'a> {
     stopped: bool,
     /// When the state was last written.
     kept: Instant,
+    /// Why it could not be.
+    failure: Option<CheckpointError>,
 }
 
 impl Run<'_> {
@@ -250,16 +309,21 @@ impl Run<'_> {
             (statistics.done, statistics.area) = (done + 1, area);
             statistics.seconds += begun.elapsed().as_secs_f64();
             self.evaluate(wanted);
-            if let Some(path) = &rounds.checkpoint
-                && self.kept.elapsed() >= KEPT_EVERY
-            {
-                self.state.write(path)?;
-                self.kept = Instant::now();
+            if self.kept.elapsed() >= KEPT_EVERY {
+                self.keep(rounds);
             }
         }
-        match &rounds.checkpoint {
-            Some(path) if self.state.header.statistics.done > 0 => Ok(self.state.write(path)?),
-            _ => Ok(()),
+        if self.state.header.statistics.done > 0 {
+            self.keep(rounds);
+        }
+        Ok(())
+    }
+
+    /// Writes the rounds so far, where they are to be kept. A disk that refuses does not cost the picture: it may have room later.
+    fn keep(&mut self, rounds: &Rounds) {
+        if let Some(path) = &rounds.checkpoint {
+            self.failure = self.state.write(path).err();
+            self.kept = Instant::now();
         }
     }
 
@@ -325,7 +389,7 @@ impl Run<'_> {
     }
 
     fn finish(self) -> Result<Rendered, RenderError> {
-        let Self { job, state, total, stopped, .. } = self;
+        let Self { job, state, total, stopped, failure, .. } = self;
         let Checkpoint { header, halves } = state;
         let done = header.statistics.done;
         let settings = &job.request.settings;
@@ -337,6 +401,7 @@ impl Run<'_> {
         film.add(&odd)?;
         numbers.counters = header.counters;
         numbers.complete(&film, job.scene);
+        numbers.warnings.extend(job.warnings);
         warn(&mut numbers, &rounds, settings, job.scene.has_illumination_maps());
         numbers.rounds = Some(rounds);
         let stopped = match (stopped, done) {
@@ -344,7 +409,7 @@ impl Run<'_> {
             (true, 0) => Some(Stop::BeforePixels),
             (true, _) => Some(Stop::DuringPixels),
         };
-        Ok(Rendered { film, statistics: numbers, stopped })
+        Ok(Rendered { film, statistics: numbers, stopped, checkpoint_failure: failure })
     }
 }
 
