@@ -350,3 +350,79 @@ fn a_limit_of_memory() {
     let peak = stats["memory"]["pixels"]["peak"].as_u64().unwrap();
     assert!(peak < 300_000_000, "{peak}");
 }
+
+/// What glTF declares is compared with the limit before it is read: buffers, accessors, pictures, lights.
+#[test]
+fn a_limit_of_memory_holds_for_gltf() {
+    let work = folder();
+    let start = |rest: &str| format!(r#"{{"asset":{{"version":"2.0"}},{rest}}}"#);
+    let refuses = |name: &str, text: String, limit: &str, parts: &[&str]| {
+        fs::write(work.path().join(name), text).unwrap();
+        // With addresses for the program and little more: taking what is declared would fail at once.
+        let command = format!(
+            "ulimit -v 4000000; exec '{}' info '{name}' --memory-limit {limit}",
+            env!("CARGO_BIN_EXE_cardioid")
+        );
+        let output = Command::new("sh").current_dir(work.path()).args(["-c", &command]).output().unwrap();
+        assert!(!read_or_told(&output, name), "{name} was taken");
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        parts.iter().for_each(|part| assert!(message.contains(part), "no `{part}` in {message}"));
+    };
+    // A file of 4 GB without blocks on the disk.
+    fs::File::create(work.path().join("big.bin")).unwrap().set_len(1 << 32).unwrap();
+    let scene = r#""scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0},"indices":1}]}]"#;
+    let data = |count: u64, length: u64| {
+        format!(
+            r#"{scene},"accessors":[{{"bufferView":0,"componentType":5126,"count":{count},"type":"VEC3"}},{{"bufferView":0,"componentType":5123,"count":{count},"type":"SCALAR"}}],"bufferViews":[{{"buffer":0,"byteLength":{length}}}],"buffers":[{{"byteLength":{length},"uri":"big.bin"}}]"#
+        )
+    };
+    // 300 million vertices, and three in a buffer as large.
+    refuses(
+        "vertices.gltf",
+        start(&data(300_000_000, 1 << 32)),
+        "500MB",
+        &["100.0 million triangles", "--memory-limit"],
+    );
+    refuses(
+        "buffer.gltf",
+        start(&data(3, 1 << 32)),
+        "500MB",
+        &["buffers[0]", "reading 4295 MB", "--memory-limit"],
+    );
+    // A picture of 9000 by 9000 whose data do not come.
+    let crc = |bytes: &[u8]| {
+        !bytes.iter().fold(u32::MAX, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+                (crc >> 1) ^ (0xedb8_8320 & 0u32.wrapping_sub(crc & 1))
+            })
+        })
+    };
+    let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+    let head = [&9000u32.to_be_bytes()[..], &9000u32.to_be_bytes(), &[8, 2, 0, 0, 0]].concat();
+    for (kind, content) in [(b"IHDR", &head[..]), (b"IDAT", &[0x78, 0x9c, 1, 0, 0][..])] {
+        png.extend((content.len() as u32).to_be_bytes());
+        let chunk = [&kind[..], content].concat();
+        png.extend(&chunk);
+        png.extend(crc(&chunk).to_be_bytes());
+    }
+    fs::write(work.path().join("bomb.png"), png).unwrap();
+    fs::write(
+        work.path().join("small.bin"),
+        [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].map(f32::to_le_bytes).concat(),
+    )
+    .unwrap();
+    let textured = r#""scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0}]}],"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],"bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":"small.bin"}],"materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}],"textures":[{"source":0}],"images":[{"uri":"bomb.png"}]"#;
+    refuses("picture.gltf", start(textured), "300MB", &["bomb.png takes 1944 MB", "--memory-limit"]);
+    // Lights, by the length of the text.
+    let nodes = vec![r#"{"extensions":{"KHR_lights_punctual":{"light":0}}}"#; 50_000].join(",");
+    let numbers: Vec<String> = (0..50_000).map(|i: u32| i.to_string()).collect();
+    let lights = format!(
+        r#""scenes":[{{"nodes":[{}]}}],"nodes":[{nodes}],"extensions":{{"KHR_lights_punctual":{{"lights":[{{"type":"point"}}]}}}}"#,
+        numbers.join(",")
+    );
+    refuses("lights.gltf", start(&lights), "150MB", &["reading", "--memory-limit"]);
+    // A picture of an environment that a scene file names.
+    fs::copy(work.path().join("bomb.png"), work.path().join("sky.png")).unwrap();
+    let scene = "[[lights]]\ntype = \"environment\"\nimage = \"sky.png\"\n[materials.a]\ntype = \"lambert\"\nreflectance = 0.5\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\nmaterial = \"a\"\n";
+    refuses("sky.toml", scene.to_owned(), "300MB", &["sky.png takes 1944 MB", "--memory-limit"]);
+}

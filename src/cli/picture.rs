@@ -4,13 +4,13 @@ use super::outputs::Outputs;
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::embree::Device;
 use cardioid::film::PixelRect;
-use cardioid::render::{MemoryEstimate, Observer};
+use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
 use cardioid::scene::{Geometry, Scene};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
-    build_scene_watched, content_hash, gltf_scene, is_gltf_file, is_mesh_file, load_scene, mesh_scene,
+    build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file, load_scene, mesh_scene,
 };
-use cardioid::textures::set_texture_memory;
+use cardioid::textures::{set_picture_memory, set_texture_memory};
 use clap::Args;
 use glam::Vec3;
 use std::path::PathBuf;
@@ -105,7 +105,11 @@ pub(crate) fn load(
     observer: &dyn Observer,
     when_built: &dyn Fn(),
 ) -> Result<Loaded> {
-    set_texture_memory(args.texture_memory);
+    // Of what is allowed, textures keep a quarter at most; what does not fit is read by tiles.
+    set_texture_memory(args.texture_memory.min(args.memory_limit.map_or(u64::MAX, |limit| limit / 4)));
+    if let Some(allowed) = allowed_memory(args.memory_limit) {
+        set_picture_memory(allowed.saturating_sub(MemoryEstimate::default().peak()));
+    }
     // The messages of scene files begin with the place, so nothing is put in front of them.
     let is_mesh = is_mesh_file(&args.scene);
     if is_mesh && !args.scene.exists() {
@@ -118,7 +122,8 @@ pub(crate) fn load(
             mesh_scene(&args.scene, &parameters)
         }
         (false, None) if is_gltf_file(&args.scene) => {
-            let scene = gltf_scene(&args.scene, &args.set);
+            let allow = |estimate: &MemoryEstimate| estimate.check(args.memory_limit);
+            let scene = gltf_scene_within(&args.scene, &args.set, &allow);
             let scene = scene?;
             if scene.shapes.is_empty() {
                 bail!("{}: its scene has no triangles: there is nothing to render", args.scene.display());

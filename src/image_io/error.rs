@@ -85,6 +85,20 @@ pub enum ImageError {
         what: &'static str,
     },
 
+    /// Decoding the picture would take more memory than is allowed.
+    #[error(
+        "decoding {} takes {:.0} MB, and {:.0} MB are allowed for that: scale it down, or raise --memory-limit",
+        path.display(), *needed as f64 / 1e6, *allowed as f64 / 1e6
+    )]
+    Memory {
+        /// The file that was to be read.
+        path: PathBuf,
+        /// Bytes that it takes.
+        needed: u64,
+        /// Bytes that are allowed.
+        allowed: u64,
+    },
+
     /// The picture would take more memory than the reader allowed.
     #[error("{} holds {values} values, more than the {limit} allowed: scale it down, or split it", path.display())]
     TooLarge {

@@ -1,9 +1,11 @@
 //! What a render takes of the machine's memory, found out before meshes are read and photons traced.
 
-use super::memory::{MemoryError, PhotonCounts, Precomputed, at_worst, available_memory, finished};
+use super::memory::{
+    MemoryError, PhotonCounts, Precomputed, at_worst, available_memory, finished, resident_memory,
+};
 use super::settings::Settings;
 use crate::scene::RenderPlan;
-use crate::scene_file::{SceneDescription, mesh_sizes};
+use crate::scene_file::{SceneDescription, kept_textures, mesh_sizes};
 use serde::Serialize;
 
 /// Bytes of Embree's hierarchy for each triangle: 67 on meshes of a million and more, and room.
@@ -18,6 +20,12 @@ const FILM: u64 = 450;
 /// Bytes of the program and its libraries.
 const PROGRAM: u64 = 60_000_000;
 
+/// Bytes of a light: its description, itself, and its places in the tables that lights are chosen by.
+pub(crate) const LIGHT: u64 = 1000;
+
+/// Bytes of an instance: its description and itself.
+pub(crate) const INSTANCE: u64 = 700;
+
 /// Bytes by what takes them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct MemoryEstimate {
@@ -27,6 +35,10 @@ pub struct MemoryEstimate {
     pub meshes: u64,
     /// What reading takes beside that, the files in turn.
     pub reading: u64,
+    /// Lights and instances.
+    pub lights: u64,
+    /// Textures that stay in memory.
+    pub textures: u64,
     /// Embree's hierarchy.
     pub hierarchy: u64,
     /// What building takes beside that.
@@ -45,14 +57,20 @@ impl MemoryEstimate {
         let sizes = mesh_sizes(scene);
         let triangles = sizes.iter().map(|size| size.triangles).fold(0, u64::saturating_add);
         Self {
-            triangles,
             meshes: sizes.iter().map(|size| size.bytes()).fold(0, u64::saturating_add),
             reading: sizes.iter().map(|size| size.reading).max().unwrap_or(0),
-            hierarchy: triangles.saturating_mul(HIERARCHY),
-            building: triangles.saturating_mul(BUILDING),
+            lights: (scene.lights.len() as u64).saturating_mul(LIGHT)
+                + (scene.instances.len() as u64).saturating_mul(INSTANCE),
+            textures: kept_textures(scene),
             film: FILM * u64::from(width) * u64::from(height),
-            ..Self::default()
+            ..Self::of_triangles(triangles)
         }
+    }
+
+    /// What is built over so many triangles.
+    pub(crate) fn of_triangles(triangles: u64) -> Self {
+        let (hierarchy, building) = (triangles.saturating_mul(HIERARCHY), triangles.saturating_mul(BUILDING));
+        Self { triangles, hierarchy, building, ..Self::default() }
     }
 
     /// With the photon maps that `settings` ask for.
@@ -71,7 +89,12 @@ impl MemoryEstimate {
 
     /// The worst moment in words, and what takes how much then.
     pub(super) fn worst(&self) -> (&'static str, Vec<(&'static str, u64)>) {
-        let always = [("the program", PROGRAM), ("meshes", self.meshes)];
+        let always = [
+            ("the program", PROGRAM),
+            ("meshes", self.meshes),
+            ("lights and instances", self.lights),
+            ("textures", self.textures),
+        ];
         let scene = ("Embree's hierarchy", self.hierarchy);
         let moments = [
             ("while meshes are read", vec![("reading", self.reading)]),
@@ -103,7 +126,7 @@ impl MemoryEstimate {
     /// # Errors
     /// The estimate, part by part, and what to do.
     pub fn check(&self, limit: Option<u64>) -> Result<(), MemoryError> {
-        self.check_against(limit, available_memory())
+        self.check_against(limit, free_memory())
     }
 
     fn check_against(&self, limit: Option<u64>, available: Option<u64>) -> Result<(), MemoryError> {
@@ -114,6 +137,17 @@ impl MemoryEstimate {
             _ => Ok(()),
         }
     }
+}
+
+/// Bytes that may be taken: as somebody set it, or what the machine has free. `None` where the system does not tell.
+pub fn allowed_memory(limit: Option<u64>) -> Option<u64> {
+    limit.or_else(free_memory)
+}
+
+/// What the machine has free, and what this process has of it already: estimates count from nothing.
+fn free_memory() -> Option<u64> {
+    let own = resident_memory().map_or(0, |memory| memory.resident);
+    available_memory().map(|free| free.saturating_add(own))
 }
 
 /// A number of bytes as messages say it.
@@ -139,6 +173,7 @@ mod tests {
             photons: 30_000_000,
             tracing: 20_000_000,
             film: 900_000_000,
+            ..MemoryEstimate::default()
         };
         assert_eq!(estimate.peak(), PROGRAM + 360_000_000 + 1_440_000_000 + 30_000_000 + 900_000_000);
         assert!(estimate.check_against(Some(3_000_000_000), Some(1)).is_ok());

@@ -19,7 +19,8 @@ mod table;
 mod warnings;
 
 pub use adaptive::SampleCounts;
-pub use estimate::MemoryEstimate;
+pub(crate) use estimate::{INSTANCE, LIGHT};
+pub use estimate::{MemoryEstimate, allowed_memory};
 pub use job::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
 pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from};
 pub use memory::{MemoryError, PhotonCounts};

@@ -171,8 +171,8 @@ fn slopes(roughness: f32, strength: f32) -> [f32; 2] {
 }
 
 impl LayeredMaterial {
-    /// True where nothing is looked up at a hit.
-    pub fn is_even(&self) -> bool {
+    /// The textures, as far as there are any.
+    pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
         let slots = [
             &self.base,
             &self.metallic_roughness,
@@ -186,7 +186,12 @@ impl LayeredMaterial {
             &self.coat_normal,
             &self.emission,
         ];
-        slots.iter().all(|slot| slot.is_none()) && !self.coloured && self.anisotropy[0] == 0.0
+        slots.into_iter().flatten()
+    }
+
+    /// True where nothing is looked up at a hit.
+    pub fn is_even(&self) -> bool {
+        self.slots().next().is_none() && !self.coloured && self.anisotropy[0] == 0.0
     }
 
     /// What decides what is built for a scene: the model with every part that it has somewhere, as smooth as anywhere.

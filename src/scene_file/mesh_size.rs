@@ -1,10 +1,13 @@
 //! How large meshes are, from the heads of their files: what a scene takes is to be known before it is read.
 
-use super::description::{GeometryDescription, MeshNormals, SceneDescription};
+use super::description::{GeometryDescription, MaterialDescription, MeshNormals, SceneDescription};
+use super::gltf::{declared_gltf_size, is_gltf_file};
 use super::ply::declared_size;
+use crate::textures::ImageTexture;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Bytes of text for a vertex and the two triangles that come with it, as programs write them: an OBJ's `v` and two `f`.
 const OBJ_BYTES: u64 = 74;
@@ -36,13 +39,35 @@ impl MeshSize {
     }
 }
 
-/// The meshes of a scene that come from files, by what the files say; what cannot be read now will be told when it is read.
+/// The meshes of a scene that come from files: as they were read, or by what the files say; what cannot be read now will be told
+/// when it is read.
 pub fn mesh_sizes(scene: &SceneDescription) -> Vec<MeshSize> {
     let size = |geometry: &GeometryDescription| match geometry {
+        GeometryDescription::MeshFile { path, .. } if is_gltf_file(path) => declared_gltf_size(path).ok(),
         GeometryDescription::MeshFile { path, normals, .. } => mesh_size(path, *normals).ok(),
+        GeometryDescription::Gltf { mesh, .. } => Some(MeshSize {
+            vertices: mesh.positions.len() as u64,
+            triangles: mesh.triangles.len() as u64,
+            has_normals: mesh.normals.is_some(),
+            reading: 0,
+        }),
         _ => None,
     };
     scene.shapes.iter().filter_map(|shape| size(&shape.value.geometry)).collect()
+}
+
+/// Bytes of the textures that materials of the scene hold in memory.
+pub fn kept_textures(scene: &SceneDescription) -> u64 {
+    let mut kept: Vec<(*const ImageTexture, u64)> = Vec::new();
+    for material in &scene.materials {
+        if let MaterialDescription::Layered { material, .. } = &material.value {
+            let textures = material.slots().map(|slot| &slot.texture);
+            kept.extend(textures.map(|texture| (Arc::as_ptr(texture), texture.bytes() as u64)));
+        }
+    }
+    kept.sort_unstable();
+    kept.dedup();
+    kept.iter().fold(0, |sum, (_, bytes)| sum.saturating_add(*bytes))
 }
 
 /// The size of one file.

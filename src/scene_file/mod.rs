@@ -24,11 +24,13 @@ mod weld;
 pub use build::{BuildError, BuildProblem, BuiltScene, build_scene, build_scene_watched};
 pub use description::*;
 pub use diagnostic::{Diagnostic, SceneFileError};
-pub use gltf::{GLTF_EXTENSIONS, GltfError, GltfProblem, gltf_scene, is_gltf_file, parse_gltf_bytes};
+pub use gltf::{
+    GLTF_EXTENSIONS, GltfError, GltfProblem, gltf_scene, gltf_scene_within, is_gltf_file, parse_gltf_bytes,
+};
 pub use hash::{content_hash, files_of_scene, photon_content_hash};
 pub use ies::{IesError, IesFile, parse_ies_bytes, read_ies};
 pub use mesh_file::{MeshFileError, MeshPlace, MeshReading, read_mesh_file, read_mesh_file_with};
 pub use mesh_scene::{MESH_EXTENSIONS, MESH_SCENE_NAME, is_mesh_file, mesh_scene};
-pub use mesh_size::{MeshSize, mesh_sizes};
+pub use mesh_size::{MeshSize, kept_textures, mesh_sizes};
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};
 pub use stl::{parse_stl_bytes, read_stl};

@@ -1,7 +1,7 @@
 //! How much of the pictures of a scene lies in memory.
 
 use super::ImageTexture;
-use crate::image_io::{ImageError, set_tile_memory};
+use crate::image_io::{self, Image, ImageError, set_tile_memory};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -20,6 +20,51 @@ static TEXTURE_MEMORY: AtomicU64 = AtomicU64::new(DEFAULT_TEXTURE_MEMORY);
 /// are read by tiles, of which a quarter of that is kept, at least 16 MiB. No value changes by it, to the bit.
 pub fn set_texture_memory(bytes: u64) {
     TEXTURE_MEMORY.store(bytes, Ordering::Relaxed);
+}
+
+static PICTURE_MEMORY: AtomicU64 = AtomicU64::new(u64::MAX);
+
+/// Bytes that decoding takes for each value of a picture: twice what it holds.
+const DECODING: u64 = 8;
+
+/// Sets how many bytes decoding one picture may take from now on, for the whole process. A picture tells its size in its first
+/// bytes, so that one that takes more is refused before it is decoded.
+pub fn set_picture_memory(bytes: u64) {
+    PICTURE_MEMORY.store(bytes, Ordering::Relaxed);
+}
+
+/// Reads a picture of at most `most` values by `read`, or fewer where less memory is allowed for it.
+///
+/// # Errors
+/// Those of `read`, which gets the number of values that are allowed; [`ImageError::Memory`] where memory is what limits it.
+fn within_memory(
+    most: u64,
+    read: impl FnOnce(u64) -> Result<Image, ImageError>,
+) -> Result<Image, ImageError> {
+    let allowed = PICTURE_MEMORY.load(Ordering::Relaxed);
+    let limit = allowed / DECODING;
+    read(most.min(limit)).map_err(|error| match error {
+        ImageError::TooLarge { path, values, limit: exceeded } if limit < most && exceeded == limit => {
+            ImageError::Memory { path, needed: values.saturating_mul(DECODING), allowed }
+        }
+        other => other,
+    })
+}
+
+/// As [`image_io::read_with_limit`], for pictures of a scene: within the memory that is allowed.
+///
+/// # Errors
+/// As there, and [`ImageError::Memory`].
+pub fn read_picture(path: &Path, most: u64) -> Result<Image, ImageError> {
+    within_memory(most, |limit| image_io::read_with_limit(path, limit))
+}
+
+/// As [`image_io::read_bytes`], for pictures of a scene: within the memory that is allowed.
+///
+/// # Errors
+/// As there, and [`ImageError::Memory`].
+pub fn read_picture_bytes(bytes: &[u8], name: &Path, most: u64) -> Result<Image, ImageError> {
+    within_memory(most, |limit| image_io::read_bytes(bytes, name, limit))
 }
 
 /// What is left for the pictures of one file.

@@ -1,7 +1,8 @@
 //! Textures from pictures: texels in levels, each half as large as the one before, filtered when looked up.
 
+use super::budget::{read_picture, read_picture_bytes};
 use super::tiles::TiledTexels;
-use crate::image_io::{self, Image, ImageError, TiledImage};
+use crate::image_io::{Image, ImageError, TiledImage};
 use glam::{Vec2, Vec4};
 use std::path::Path;
 use std::sync::OnceLock;
@@ -176,22 +177,22 @@ impl ImageTexture {
     /// encoding is what it says itself, where it does.
     ///
     /// # Errors
-    /// As [`image_io::read_with_limit`].
+    /// As [`super::read_picture`].
     pub fn read(path: &Path, encoding: Encoding) -> Result<Self, ImageError> {
         if let Some(image) = TiledImage::open(path)? {
             let tiles = TiledTexels::new(image, encoding);
             let (least, mean) = tiles.least_and_mean();
             return Ok(Self { source: Source::Tiles(tiles), encoding, least, mean });
         }
-        Ok(Self::new(&image_io::read_with_limit(path, TEXTURE_LIMIT)?, encoding))
+        Ok(Self::new(&read_picture(path, TEXTURE_LIMIT)?, encoding))
     }
 
     /// Reads a picture that lies in memory; messages call it `name`.
     ///
     /// # Errors
-    /// As [`image_io::read_with_limit`].
+    /// As [`super::read_picture`].
     pub fn from_bytes(bytes: &[u8], name: &Path, encoding: Encoding) -> Result<Self, ImageError> {
-        Ok(Self::new(&image_io::read_bytes(bytes, name, TEXTURE_LIMIT)?, encoding))
+        Ok(Self::new(&read_picture_bytes(bytes, name, TEXTURE_LIMIT)?, encoding))
     }
 
     /// The first layer of a picture. Values out of `[0, 1]` are cut, NaN counts as 0.
@@ -358,7 +359,7 @@ impl ImageTexture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image_io::Layer;
+    use crate::image_io::{self, Layer};
 
     fn image(width: u32, height: u32, channels: &[&str], data: Vec<f32>) -> Image {
         Image { layers: vec![Layer::new("", channels, data)], ..Image::new(width, height) }

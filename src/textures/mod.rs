@@ -11,7 +11,10 @@ mod slot;
 mod solid;
 mod tiles;
 
-pub use budget::{DEFAULT_TEXTURE_MEMORY, TextureBudget, set_texture_memory};
+pub use budget::{
+    DEFAULT_TEXTURE_MEMORY, TextureBudget, read_picture, read_picture_bytes, set_picture_memory,
+    set_texture_memory,
+};
 pub use image::{Encoding, ImageTexture, Sampler, TEXTURE_LIMIT, Wrap};
 pub use noise::{Octaves, noise};
 pub use slot::{Glow, TextureSlot, VertexData};

@@ -1,7 +1,7 @@
 //! Lights without a surface: their files read, then scaled to render space.
 
 use super::BuildProblem;
-use crate::image_io::{self, Layer};
+use crate::image_io::Layer;
 use crate::lights::{
     Cone, DirectionalLight, EnvironmentLight, EnvironmentMap, Light, PointLight, Profile, SUN_ANGULAR_RADIUS,
     Sky, SpotLight, SunLight,
@@ -10,6 +10,7 @@ use crate::math::{Rgb, unit_f64};
 use crate::scene::RenderSpace;
 use crate::scene_file::description::{LightDescription, ProfileBrightness};
 use crate::scene_file::ies::read_ies;
+use crate::textures::read_picture;
 use glam::DVec3;
 use std::f64::consts::PI;
 use std::path::Path;
@@ -138,7 +139,7 @@ impl LightSource {
 /// A picture in longitude and latitude: that without a name, or the only one.
 fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, BuildProblem> {
     let refuse = |why| BuildProblem::NoLight { path: path.to_path_buf(), why };
-    let image = image_io::read_with_limit(path, MOST_VALUES)?;
+    let image = read_picture(path, MOST_VALUES)?;
     let layer = image.layer("").or_else(|| image.layers.first());
     let layer = layer.ok_or_else(|| refuse("the picture has no channels; name another"))?;
     let texels = colours(layer).ok_or_else(|| {

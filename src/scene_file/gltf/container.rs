@@ -1,17 +1,25 @@
 //! From bytes to a checked document: the chunks of GLB, the JSON, the extensions it asks for.
 
+use super::check::{self, Report};
 use super::error::{Failure, fail};
+use super::semantics;
 use gltf::json;
 use gltf::json::validation::{Error, Validate};
 use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
 
 /// Extensions that are understood.
 const KNOWN: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
@@ -21,6 +29,9 @@ const KNOWN: &[&str] = &[
     "KHR_texture_transform",
     "EXT_texture_webp",
 ];
+
+/// Extensions that change nothing in a picture of the file as it stands: who made it, and what moves.
+const WITHOUT_LOOK: &[&str] = &["KHR_animation_pointer", "KHR_xmp", "KHR_xmp_json_ld"];
 
 /// Bytes of a GLB before its chunks.
 const HEADER: usize = 12;
@@ -36,6 +47,26 @@ pub(super) struct Container<'a> {
 fn number(bytes: &[u8], at: usize) -> Option<u32> {
     let four = bytes.get(at..at.checked_add(4)?)?;
     four.try_into().ok().map(u32::from_le_bytes)
+}
+
+/// The JSON of a file, and the length of the file: of a GLB nothing else is read.
+pub(super) fn split_head(path: &Path) -> io::Result<(Vec<u8>, u64)> {
+    let mut file = File::open(path)?;
+    let metadata = file.metadata()?;
+    if !metadata.is_file() {
+        return Err(io::ErrorKind::InvalidInput.into());
+    }
+    let mut head = Vec::new();
+    Read::by_ref(&mut file).take(HEADER as u64 + 8).read_to_end(&mut head)?;
+    let mut text = Vec::new();
+    match number(&head, HEADER).filter(|_| head.starts_with(b"glTF")) {
+        Some(size) => drop(file.take(size.into()).read_to_end(&mut text)?),
+        None => {
+            text = head;
+            file.read_to_end(&mut text)?;
+        }
+    }
+    Ok((text, metadata.len()))
 }
 
 /// Splits a GLB into its chunks; what does not begin like one is JSON.
@@ -105,8 +136,18 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, Failure> {
     }
 }
 
-/// Parses and checks the JSON, up to where every index in it leads to something.
-pub(super) fn parse(text: &[u8], warnings: &mut Vec<String>) -> Result<(gltf::Document, Value), Failure> {
+/// A document whose indices all lead to something.
+#[derive(Debug)]
+pub(super) struct Parsed {
+    pub document: gltf::Document,
+    /// The same as it was read, for what the crate knows nothing of; out of range values are mended in both.
+    pub json: Value,
+    /// Number of animations.
+    pub animations: u64,
+}
+
+/// Parses and checks the JSON.
+pub(super) fn parse(text: &[u8], warnings: &mut Vec<String>) -> Result<Parsed, Failure> {
     if text.starts_with(&[0xef, 0xbb, 0xbf]) {
         return fail("the JSON", "it begins with a byte order mark, which glTF forbids; save it without one");
     }
@@ -114,20 +155,38 @@ pub(super) fn parse(text: &[u8], warnings: &mut Vec<String>) -> Result<(gltf::Do
     let mut value = value.or_else(|error| {
         fail("the JSON", format!("{error}; the file is damaged, or no glTF: write it again"))
     })?;
-    check_extensions(&value, warnings)?;
+    let mut report = Report::default();
     whole_numbers(&mut value);
-    check_accessor_indices(&value)?;
+    check_version(&value, &mut report)?;
+    check_required(&value)?;
+    check::check(&mut value, &mut report)?;
+    check_used(&value, &mut report);
+    let animations = value.get("animations").and_then(Value::as_array).map_or(0, Vec::len) as u64;
+    check_transforms(&value)?;
     use_webp(&mut value);
-    let root = serde_path_to_error::deserialize::<_, json::Root>(&value);
+    let document = typed(&mut value)?;
+    semantics::check(&document, &value, &mut report)?;
+    warnings.extend(report.into_warnings());
+    Ok(Parsed { document, json: value, animations })
+}
+
+/// The document in the types of the crate.
+fn typed(value: &mut Value) -> Result<gltf::Document, Failure> {
+    if let Value::Object(root) = value {
+        // They move nothing here, and the crate knows less of them than glTF allows.
+        root.remove("animations");
+        // It wants a list where glTF wants none.
+        let scenes = root.get_mut("scenes").and_then(Value::as_array_mut);
+        for scene in scenes.into_iter().flatten().filter_map(Value::as_object_mut) {
+            scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+        }
+    }
+    let root = serde_path_to_error::deserialize::<_, json::Root>(&*value);
     let root = root.or_else(|error| {
         let path = error.path().to_string();
         let path = if path == "." { "the JSON".to_owned() } else { path };
         fail(path, format!("{}; the file is no valid glTF, write it again", error.into_inner()))
     })?;
-    if root.asset.version.split('.').next() != Some("2") {
-        let version = super::shown(&root.asset.version);
-        return fail("asset.version", format!("glTF {version}, and 2.0 is read; export it anew"));
-    }
     let mut errors = Vec::new();
     root.validate(&root, json::Path::new, &mut |path, error| errors.push((path(), error)));
     for (path, error) in errors {
@@ -150,7 +209,41 @@ pub(super) fn parse(text: &[u8], warnings: &mut Vec<String>) -> Result<(gltf::Do
             return fail(path, format!("{what}; the file is damaged, write it again"));
         }
     }
-    Ok((gltf::Document::from_json_without_validation(root), value))
+    Ok(gltf::Document::from_json_without_validation(root))
+}
+
+/// Major and minor number of a version.
+fn version(text: &str) -> Option<(u32, u32)> {
+    let (major, minor) = text.split_once('.')?;
+    Some((major.parse().ok()?, minor.parse().ok()?))
+}
+
+fn check_version(value: &Value, report: &mut Report) -> Result<(), Failure> {
+    let Some(asset) = value.get("asset") else {
+        return fail("asset", "missing, and glTF requires it; the file is no glTF, or is damaged");
+    };
+    let Some(text) = asset.get("version").and_then(Value::as_str) else {
+        return fail("asset.version", "missing, or not a text, and glTF requires it; write the file again");
+    };
+    let shown = super::shown(text);
+    if text.split('.').next() != Some("2") {
+        return fail("asset.version", format!("glTF {shown}, and 2.0 is read; export it anew"));
+    }
+    if version(text) != Some((2, 0)) {
+        report.warn("version", || {
+            format!("asset.version is {shown}, and 2.0 is read; what came later is ignored")
+        });
+    }
+    if let Some(least) = asset.get("minVersion").and_then(Value::as_str)
+        && version(least).is_none_or(|least| least > (2, 0))
+    {
+        let least = super::shown(least);
+        return fail(
+            "asset.minVersion",
+            format!("needs a reader of glTF {least}, and 2.0 is read; export it as 2.0"),
+        );
+    }
+    Ok(())
 }
 
 /// Names in a list of the root.
@@ -158,7 +251,7 @@ fn names<'a>(value: &'a Value, key: &str) -> impl Iterator<Item = &'a str> {
     value.get(key).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str)
 }
 
-fn check_extensions(value: &Value, warnings: &mut Vec<String>) -> Result<(), Failure> {
+fn check_required(value: &Value) -> Result<(), Failure> {
     for name in names(value, "extensionsRequired") {
         let remedy = match name {
             "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
@@ -168,16 +261,59 @@ fn check_extensions(value: &Value, warnings: &mut Vec<String>) -> Result<(), Fai
             "KHR_texture_basisu" => "its pictures are in KTX 2; export them as PNG or JPEG",
             _ => "the file says that it cannot be shown without it; export it without",
         };
-        if !KNOWN.contains(&name) {
+        if !KNOWN.contains(&name) && !WITHOUT_LOOK.contains(&name) {
             let name = super::shown(name);
             return fail(format!("extensionsRequired `{name}`"), format!("not supported: {remedy}"));
         }
     }
-    let mut unknown: Vec<_> =
-        names(value, "extensionsUsed").filter(|name| !KNOWN.contains(name)).map(super::shown).collect();
-    unknown.dedup();
+    Ok(())
+}
+
+/// Warns of extensions that are not read, and of those that are and were not declared.
+fn check_used(value: &Value, report: &mut Report) {
+    let declared: Vec<&str> = names(value, "extensionsUsed").collect();
+    let found: Vec<String> = report.extensions.iter().cloned().collect();
+    let all = declared.iter().copied().chain(found.iter().map(String::as_str));
+    let all: BTreeSet<&str> = all.filter(|name| !WITHOUT_LOOK.contains(name)).collect();
+    let (known, unknown): (Vec<&str>, Vec<&str>) = all.into_iter().partition(|name| KNOWN.contains(name));
+    let listed = |names: &[&str]| names.iter().map(|name| super::shown(name)).collect::<Vec<_>>().join(", ");
     if !unknown.is_empty() {
-        warnings.push(format!("extensions that are not modelled and were left out: {}", unknown.join(", ")));
+        report.warn("unknown extensions", || {
+            format!("extensions that are not modelled and were left out: {}", listed(&unknown))
+        });
+    }
+    let undeclared: Vec<&str> = known.into_iter().filter(|name| !declared.contains(name)).collect();
+    if !undeclared.is_empty() {
+        report.warn("undeclared extensions", || {
+            format!("extensions that are used without being declared in extensionsUsed, and read all the same: {}", listed(&undeclared))
+        });
+    }
+    let required: Vec<&str> =
+        names(value, "extensionsRequired").filter(|name| !declared.contains(name)).collect();
+    if !required.is_empty() {
+        report.warn("required extensions", || {
+            format!("extensions that are required without being in extensionsUsed: {}", listed(&required))
+        });
+    }
+}
+
+/// A node has a matrix or parts of a transform, and no node a projection.
+fn check_transforms(value: &Value) -> Result<(), Failure> {
+    let nodes = value.get("nodes").and_then(Value::as_array);
+    for (index, node) in nodes.into_iter().flatten().enumerate() {
+        let Some(matrix) = node.get("matrix").and_then(Value::as_array) else { continue };
+        let name = || super::label("nodes", index, node.get("name").and_then(Value::as_str));
+        if ["translation", "rotation", "scale"].iter().any(|key| node.get(key).is_some()) {
+            let problem = "a matrix, and translation, rotation or scale as well; only one of both is allowed";
+            return fail(name(), format!("{problem}: write the file again"));
+        }
+        let row = [3, 7, 11, 15].map(|i| matrix.get(i).and_then(Value::as_f64));
+        if row != [0.0, 0.0, 0.0, 1.0].map(Some) {
+            return fail(
+                name(),
+                "the last row of its matrix is not 0, 0, 0, 1; the file is damaged, write it again",
+            );
+        }
     }
     Ok(())
 }
@@ -197,30 +333,6 @@ fn whole_numbers(value: &mut Value) {
         Value::Object(items) => items.values_mut().for_each(whole_numbers),
         _ => {}
     }
-}
-
-/// Indices that are followed while the document is checked, and so have to be checked before.
-fn check_accessor_indices(value: &Value) -> Result<(), Failure> {
-    let list = |key: &str| value.get(key).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
-    let count = list("accessors").len() as u64;
-    for (m, mesh) in list("meshes").iter().enumerate() {
-        let primitives = mesh.get("primitives").and_then(Value::as_array);
-        for (p, primitive) in primitives.into_iter().flatten().enumerate() {
-            let attributes = primitive.get("attributes").and_then(Value::as_object);
-            let attributes = attributes.into_iter().flatten().map(|(name, index)| (name.as_str(), index));
-            let indices = primitive.get("indices").map(|index| ("indices", index));
-            for (name, index) in attributes.chain(indices) {
-                if index.as_u64().is_some_and(|index| index >= count) {
-                    let object = format!("meshes[{m}].primitives[{p}], {}", super::shown(name));
-                    return fail(
-                        object,
-                        format!("accessor {index}, and there are {count}; write the file again"),
-                    );
-                }
-            }
-        }
-    }
-    Ok(())
 }
 
 /// The pictures of EXT_texture_webp in the place of others.
@@ -302,10 +414,12 @@ mod tests {
             (r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":3}]}"#, "nodes[0].mesh"),
             (
                 r#"{"asset":{"version":"2.0"},"meshes":[{"primitives":[{"attributes":{"POSITION":9}}]}]}"#,
-                "meshes[0].primitives[0], POSITION",
+                "meshes[0].primitives[0].attributes",
             ),
             (r#"{"asset":{"version":"2.0"},"accessors":{}}"#, "accessors"),
-            ("[]", ""),
+            (r#"{"asset":{"version":"2.0","minVersion":"2.5"}}"#, "asset.minVersion"),
+            (r#"{"scenes":[]}"#, "asset"),
+            ("[]", "asset"),
             ("{", "the JSON"),
         ] {
             let (object, _) = parse(text.as_bytes(), &mut Vec::new()).unwrap_err();

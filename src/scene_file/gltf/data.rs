@@ -1,6 +1,8 @@
 //! Buffers and accessors: every length is checked before anything is read.
 
+use super::check::Report;
 use super::error::{Failure, fail};
+use crate::render::{MemoryError, MemoryEstimate};
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
@@ -9,7 +11,7 @@ use gltf::buffer;
 use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Elements of an accessor that has no data, whose zeros the file does not have to hold.
 const MOST_ZEROS: u64 = 1 << 24;
@@ -32,8 +34,9 @@ pub(super) enum Resource {
     File(PathBuf),
 }
 
-/// Resolves a URI against the folder of the file.
-pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Resource, String> {
+/// Resolves a URI against the folder of the file. One that leaves that folder is refused unless `outside` is set, so that a model
+/// from elsewhere reads nothing but what came with it.
+pub(super) fn resolve(uri: &str, folder: &Path, outside: bool) -> Result<Resource, String> {
     if let Some(rest) = uri.strip_prefix("data:") {
         let Some((kind, content)) = rest.split_once(',') else {
             return Err("its data: URI has no data; write the file again".to_owned());
@@ -46,18 +49,46 @@ pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Resource, String> {
             bytes.map_err(|error| format!("its data: URI is damaged ({error}); write the file again"))?;
         return Ok(Resource::Inline(bytes));
     }
+    let shown = super::shown(uri);
     let scheme = uri.split_once(':').map(|(scheme, _)| scheme);
-    if scheme.is_some_and(|scheme| scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))) {
-        return Err(format!("`{}` is not in a file beside this one; copy it there", super::shown(uri)));
+    let scheme =
+        scheme.filter(|scheme| scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c)));
+    let local = match scheme {
+        None => uri,
+        Some(scheme) if scheme.eq_ignore_ascii_case("file") => {
+            // With an empty host, that of this machine, or without one.
+            let rest = &uri[scheme.len() + 1..];
+            rest.strip_prefix("//localhost").or(rest.strip_prefix("//")).unwrap_or(rest)
+        }
+        Some(_) => return Err(format!("`{shown}` is not in a file beside this one; copy it there")),
+    };
+    let decoded = urlencoding::decode(local)
+        .map_err(|_| format!("`{shown}` is no URI of a file; write the file again"))?;
+    if decoded.is_empty() {
+        return Err(format!("`{shown}` names no file; write the file again"));
     }
-    let decoded = urlencoding::decode(uri)
-        .map_err(|_| format!("`{}` is no URI of a file; write the file again", super::shown(uri)))?;
     let path = Path::new(&*decoded);
-    if path.is_absolute() || decoded.is_empty() {
-        let shown = super::shown(uri);
-        return Err(format!("`{shown}` is no relative path; put the file beside this one, and name it so"));
+    if !outside && (scheme.is_some() || leaves(path)) {
+        return Err(format!(
+            "`{shown}` lies outside of the folder of this file; copy it there, or allow such files with --set \
+             outside=yes where this file is rendered by itself"
+        ));
     }
     Ok(Resource::File(folder.join(path)))
+}
+
+/// Whether a path leaves the folder that it starts from.
+fn leaves(path: &Path) -> bool {
+    let mut depth = 0i64;
+    path.components().any(|component| {
+        match component {
+            Component::Normal(_) => depth += 1,
+            Component::ParentDir => depth -= 1,
+            Component::CurDir => {}
+            Component::RootDir | Component::Prefix(_) => depth = i64::MIN / 2,
+        }
+        depth < 0
+    })
 }
 
 /// The first `length` bytes of a file.
@@ -80,16 +111,26 @@ fn read_file(path: &Path, length: u64) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
+/// Whether a file may take what it is foreseen to.
+pub(super) type Allow<'a> = &'a dyn Fn(&MemoryEstimate) -> Result<(), MemoryError>;
+
 /// The data of a file.
-#[derive(Debug)]
 pub(super) struct Data<'a> {
     folder: PathBuf,
+    /// Whether files outside of that folder may be read.
+    outside: bool,
     binary: Option<&'a [u8]>,
     /// By buffer; read when first needed.
     buffers: Vec<Option<Cow<'a, [u8]>>>,
     decoded: u64,
     /// Files that were read.
     pub(super) files: Vec<PathBuf>,
+    /// Warnings of what was read.
+    pub(super) report: Report,
+    /// What the file takes as far as it is known.
+    estimate: MemoryEstimate,
+    /// Whether that is allowed.
+    allow: Allow<'a>,
 }
 
 /// Where the elements of an accessor are in its buffer.
@@ -109,7 +150,7 @@ impl Layout {
     }
 }
 
-fn size_of(kind: DataType) -> usize {
+pub(super) fn size_of(kind: DataType) -> usize {
     match kind {
         DataType::I8 | DataType::U8 => 1,
         DataType::I16 | DataType::U16 => 2,
@@ -134,13 +175,31 @@ fn component(kind: DataType, bytes: &[u8], normalized: bool) -> f32 {
 }
 
 impl<'a> Data<'a> {
-    pub(super) fn new(document: &gltf::Document, binary: Option<&'a [u8]>, folder: &Path) -> Self {
+    pub(super) fn new(
+        document: &gltf::Document,
+        binary: Option<&'a [u8]>,
+        folder: &Path,
+        outside: bool,
+        (estimate, allow): (MemoryEstimate, Allow<'a>),
+    ) -> Self {
         let buffers = document.buffers().map(|_| None).collect();
-        Self { folder: folder.to_owned(), binary, buffers, decoded: 0, files: Vec::new() }
+        let (folder, report) = (folder.to_owned(), Report::default());
+        Self { folder, outside, binary, buffers, decoded: 0, files: Vec::new(), report, estimate, allow }
     }
 
-    pub(super) fn folder(&self) -> &Path {
-        &self.folder
+    /// Adds to what the file is foreseen to take, before it is taken.
+    pub(super) fn foresee(
+        &mut self,
+        object: &str,
+        add: impl FnOnce(&mut MemoryEstimate),
+    ) -> Result<(), Failure> {
+        add(&mut self.estimate);
+        (self.allow)(&self.estimate).or_else(|error| fail(object, error))
+    }
+
+    /// What a URI of this file leads to.
+    pub(super) fn resolve(&self, uri: &str) -> Result<Resource, String> {
+        resolve(uri, &self.folder, self.outside)
     }
 
     /// Makes sure that a buffer is there.
@@ -156,9 +215,12 @@ impl<'a> Data<'a> {
                 Some(binary) if index == 0 => Cow::Borrowed(binary),
                 _ => return fail(object, "it has no data: no URI, and the file no binary chunk for it"),
             },
-            buffer::Source::Uri(uri) => match resolve(uri, &self.folder) {
+            buffer::Source::Uri(uri) => match self.resolve(uri) {
                 Ok(Resource::Inline(bytes)) => Cow::Owned(bytes),
                 Ok(Resource::File(path)) => {
+                    self.foresee(&object, |estimate| {
+                        estimate.reading = estimate.reading.saturating_add(length as u64);
+                    })?;
                     let bytes = read_file(&path, length as u64).or_else(|problem| fail(&object, problem))?;
                     self.files.push(path);
                     Cow::Owned(bytes)
@@ -294,6 +356,18 @@ impl<'a> Data<'a> {
         Ok(vectors)
     }
 
+    /// As [`Self::vectors`], of elements with so many numbers.
+    pub(super) fn vectors_exactly<const N: usize>(
+        &mut self,
+        accessor: &gltf::Accessor<'_>,
+    ) -> Result<Vec<[f32; N]>, Failure> {
+        let has = numbers_of(accessor.dimensions());
+        if has != N {
+            return fail(label(accessor), format!("elements of {has} numbers, where {N} are needed"));
+        }
+        self.vectors(accessor)
+    }
+
     /// Indices of vertices.
     pub(super) fn indices(&mut self, accessor: &gltf::Accessor<'_>) -> Result<Vec<u32>, Failure> {
         let kind = accessor.data_type();
@@ -321,7 +395,7 @@ fn unsigned(kind: DataType, bytes: &[u8]) -> u32 {
     }
 }
 
-fn numbers_of(dimensions: Dimensions) -> usize {
+pub(super) fn numbers_of(dimensions: Dimensions) -> usize {
     match dimensions {
         Dimensions::Scalar => 1,
         Dimensions::Vec2 => 2,

@@ -1,4 +1,5 @@
 use crate::image_io::ImageError;
+use crate::render::MemoryError;
 use std::path::PathBuf;
 
 /// Why a glTF file was refused: the file, the object in it, what is wrong, and what to do.
@@ -22,6 +23,9 @@ pub enum GltfProblem {
     /// A picture of it.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// It would take more memory than is allowed.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// Anything else.
     #[error("{0}")]
     Other(String),

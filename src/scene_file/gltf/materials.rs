@@ -1,17 +1,22 @@
 //! Materials, textures and samplers.
 
-use super::data::{Data, Resource, resolve};
+use super::check::Report;
+use super::data::{Data, Resource};
 use super::error::{Failure, GltfProblem, fail};
 use crate::bsdf::{Body, Dielectric, LayeredParameters};
+use crate::image_io::{Image, ImageError};
 use crate::math::Rgb;
 use crate::scene::{Coverage, LayeredMaterial};
 use crate::scene_file::description::{MaterialDescription, MediumDescription, Named, SceneDescription};
-use crate::textures::{Encoding, ImageTexture, Sampler, TextureBudget, TextureSlot, Wrap};
+use crate::textures::{
+    Encoding, ImageTexture, Sampler, TEXTURE_LIMIT, TextureBudget, TextureSlot, Wrap, read_picture,
+    read_picture_bytes,
+};
 use glam::{Affine2, DVec3, Mat2, Vec2};
-use gltf::image::Source;
 use serde_json::Value;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Luminous flux of one watt (of green light), lm/W: how photometric units become radiometric ones.
@@ -19,6 +24,27 @@ pub(super) const LUMENS_PER_WATT: f64 = 683.0;
 
 /// A medium that lets less than this through over the attenuation distance is taken to let this much through.
 const LEAST_ATTENUATION: f64 = 1e-6;
+
+/// An index of refraction so high that facets reflect all light: what an `ior` of 0 stands for, and what makes the colour of
+/// specular reflection count as it is.
+const TOTAL_IOR: f32 = 1e9;
+
+const SPECULAR_GLOSSINESS: &str = "/extensions/KHR_materials_pbrSpecularGlossiness";
+
+/// What the numbers of a picture are read as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Use {
+    Srgb,
+    Linear,
+    /// Alpha as glossiness, of which so much counts (the bits of the factor): its complement is the roughness, in green.
+    Glossiness(u32),
+}
+
+/// Where the bytes of a picture are.
+enum Picture<'a> {
+    Bytes(Cow<'a, [u8]>),
+    File(PathBuf),
+}
 
 /// What the loader keeps of a material.
 #[derive(Clone, Debug)]
@@ -36,7 +62,7 @@ pub(super) struct Materials<'a> {
     document: &'a gltf::Document,
     json: &'a Value,
     converted: BTreeMap<(Option<usize>, bool), Converted>,
-    images: BTreeMap<(usize, bool), Arc<ImageTexture>>,
+    images: BTreeMap<(usize, Use), Arc<ImageTexture>>,
     budget: TextureBudget,
 }
 
@@ -125,6 +151,9 @@ impl<'a> Materials<'a> {
             index.map_or("the default material".to_owned(), |index| super::label("materials", index, name));
         let part = Part { value, object: &object };
         let mut material = self.factors(&part, coloured)?;
+        if part.has(SPECULAR_GLOSSINESS) && !material.unlit {
+            specular_glossiness(&part, &mut material)?;
+        }
         self.textures(&part, &mut material, data)?;
         let media = self.volume(&part, &mut material, name.unwrap_or("glass"), description)?;
         let strength =
@@ -164,10 +193,14 @@ impl<'a> Materials<'a> {
         };
         let anisotropy = "/extensions/KHR_materials_anisotropy";
         let (specular, coat) = ("/extensions/KHR_materials_specular", "/extensions/KHR_materials_clearcoat");
+        let ior = match part.number("/extensions/KHR_materials_ior/ior", 1.5)? {
+            0.0 => TOTAL_IOR,
+            ior => ior,
+        };
         let factors = LayeredParameters {
             base: Rgb::new(r, g, b).clamp(Rgb::ZERO, Rgb::ONE),
             metallic: part.number("/pbrMetallicRoughness/metallicFactor", 1.0)?,
-            ior: part.number("/extensions/KHR_materials_ior/ior", 1.5)?,
+            ior,
             specular: part.number(&format!("{specular}/specularFactor"), 1.0)?,
             specular_colour: part.colour(&format!("{specular}/specularColorFactor"), 1.0)?,
             transmission: part.number("/extensions/KHR_materials_transmission/transmissionFactor", 0.0)?,
@@ -202,24 +235,36 @@ impl<'a> Materials<'a> {
     ) -> Result<(), Failure> {
         let mut slot = |pointer: &str, encoding| self.slot(part, pointer, encoding, data);
         let coat = "/extensions/KHR_materials_clearcoat";
-        material.base = slot("/pbrMetallicRoughness/baseColorTexture", Encoding::Srgb)?;
+        if part.has(SPECULAR_GLOSSINESS) && !material.unlit {
+            let map = format!("{SPECULAR_GLOSSINESS}/specularGlossinessTexture");
+            material.base = slot(&format!("{SPECULAR_GLOSSINESS}/diffuseTexture"), Use::Srgb)?;
+            material.specular_colour = slot(&map, Use::Srgb)?;
+            let glossiness = 1.0 - material.roughness;
+            material.metallic_roughness = slot(&map, Use::Glossiness(glossiness.to_bits()))?;
+            if material.metallic_roughness.is_some() {
+                material.roughness = 1.0;
+            }
+            material.normal = slot("/normalTexture", Use::Linear)?;
+            material.emission = slot("/emissiveTexture", Use::Srgb)?;
+            return Ok(());
+        }
+        material.base = slot("/pbrMetallicRoughness/baseColorTexture", Use::Srgb)?;
         if material.unlit {
             return Ok(());
         }
-        material.metallic_roughness =
-            slot("/pbrMetallicRoughness/metallicRoughnessTexture", Encoding::Linear)?;
-        material.normal = slot("/normalTexture", Encoding::Linear)?;
-        material.emission = slot("/emissiveTexture", Encoding::Srgb)?;
+        material.metallic_roughness = slot("/pbrMetallicRoughness/metallicRoughnessTexture", Use::Linear)?;
+        material.normal = slot("/normalTexture", Use::Linear)?;
+        material.emission = slot("/emissiveTexture", Use::Srgb)?;
         material.transmission =
-            slot("/extensions/KHR_materials_transmission/transmissionTexture", Encoding::Linear)?;
-        material.specular = slot("/extensions/KHR_materials_specular/specularTexture", Encoding::Linear)?;
+            slot("/extensions/KHR_materials_transmission/transmissionTexture", Use::Linear)?;
+        material.specular = slot("/extensions/KHR_materials_specular/specularTexture", Use::Linear)?;
         material.specular_colour =
-            slot("/extensions/KHR_materials_specular/specularColorTexture", Encoding::Srgb)?;
+            slot("/extensions/KHR_materials_specular/specularColorTexture", Use::Srgb)?;
         material.anisotropy_map =
-            slot("/extensions/KHR_materials_anisotropy/anisotropyTexture", Encoding::Linear)?;
-        material.coat = slot(&format!("{coat}/clearcoatTexture"), Encoding::Linear)?;
-        material.coat_roughness_map = slot(&format!("{coat}/clearcoatRoughnessTexture"), Encoding::Linear)?;
-        material.coat_normal = slot(&format!("{coat}/clearcoatNormalTexture"), Encoding::Linear)?;
+            slot("/extensions/KHR_materials_anisotropy/anisotropyTexture", Use::Linear)?;
+        material.coat = slot(&format!("{coat}/clearcoatTexture"), Use::Linear)?;
+        material.coat_roughness_map = slot(&format!("{coat}/clearcoatRoughnessTexture"), Use::Linear)?;
+        material.coat_normal = slot(&format!("{coat}/clearcoatNormalTexture"), Use::Linear)?;
         Ok(())
     }
 
@@ -240,6 +285,10 @@ impl<'a> Materials<'a> {
             return Ok(None);
         }
         // Rays find out how thick it is.
+        if material.factors.ior == TOTAL_IOR {
+            let problem = "an index of refraction of 0 reflects all light, and so has no volume below it; give it an index";
+            return fail(part.object, problem);
+        }
         let ior = material.factors.ior.clamp(1.0, 100.0);
         material.factors.ior = ior;
         material.factors.body = Body::Interface(Dielectric::new(1.0, f64::from(ior)));
@@ -265,7 +314,7 @@ impl<'a> Materials<'a> {
         &mut self,
         part: &Part<'_>,
         pointer: &str,
-        encoding: Encoding,
+        wanted: Use,
         data: &mut Data<'_>,
     ) -> Result<Option<TextureSlot>, Failure> {
         if !part.has(pointer) {
@@ -279,10 +328,19 @@ impl<'a> Materials<'a> {
             return fail(part.object, format!("texture {index}, and there are {}", textures.len()));
         };
         let image = texture.source.value();
-        let Some(image) = self.document.images().nth(image) else { return Ok(None) };
+        if image >= self.document.as_json().images.len() {
+            let name = pointer.trim_start_matches('/').replace('/', ".");
+            data.report.warn("no picture", || {
+                format!(
+                    "{}: `{name}` is a texture without a picture that can be read; it is left out",
+                    part.object
+                )
+            });
+            return Ok(None);
+        }
         let sampler = texture.sampler.and_then(|sampler| self.document.samplers().nth(sampler.value()));
         let sampler = sampler.map_or_else(Sampler::default, |sampler| sampler_of(&sampler));
-        let texture = self.image(&image, encoding, data)?;
+        let texture = self.image(image, wanted, data)?;
         let transform = format!("{pointer}/extensions/KHR_texture_transform");
         let [x, y] = part.numbers(&format!("{transform}/offset"), [0.0; 2])?;
         let scale = part.numbers(&format!("{transform}/scale"), [1.0; 2])?;
@@ -302,37 +360,134 @@ impl<'a> Materials<'a> {
 
     fn image(
         &mut self,
-        image: &gltf::Image<'_>,
-        encoding: Encoding,
+        index: usize,
+        wanted: Use,
         data: &mut Data<'_>,
     ) -> Result<Arc<ImageTexture>, Failure> {
-        let key = (image.index(), encoding == Encoding::Srgb);
+        let key = (index, wanted);
         if let Some(known) = self.images.get(&key) {
             return Ok(Arc::clone(known));
         }
-        let object = super::label("images", image.index(), image.name());
-        let failed = |error: crate::image_io::ImageError| (object.clone(), GltfProblem::from(error));
-        let inside = std::path::PathBuf::from("the picture in the file");
-        let texture = match image.source() {
-            Source::View { view, .. } => {
-                ImageTexture::from_bytes(data.view(&view)?, &inside, encoding).map_err(failed)?
+        let name = self.document.as_json().images.get(index).and_then(|image| image.name.as_deref());
+        let object = super::label("images", index, name);
+        let failed = |error: ImageError| (object.clone(), GltfProblem::from(error));
+        let inside = Path::new("the picture in the file");
+        let picture = self.picture(index, &object, data)?;
+        let texture = match (&picture, wanted) {
+            (Picture::Bytes(bytes), Use::Srgb) => ImageTexture::from_bytes(bytes, inside, Encoding::Srgb),
+            (Picture::Bytes(bytes), Use::Linear) => ImageTexture::from_bytes(bytes, inside, Encoding::Linear),
+            (Picture::File(path), Use::Srgb) => ImageTexture::read(path, Encoding::Srgb),
+            (Picture::File(path), Use::Linear) => ImageTexture::read(path, Encoding::Linear),
+            (Picture::Bytes(bytes), Use::Glossiness(factor)) => {
+                read_picture_bytes(bytes, inside, TEXTURE_LIMIT).map(|image| roughness(image, factor))
             }
-            Source::Uri { uri, .. } => match resolve(uri, data.folder()) {
-                Ok(Resource::Inline(bytes)) => {
-                    ImageTexture::from_bytes(&bytes, &inside, encoding).map_err(failed)?
-                }
-                Ok(Resource::File(path)) => {
-                    let texture = ImageTexture::read(&path, encoding).map_err(failed)?;
-                    data.files.push(path);
-                    texture
-                }
-                Err(problem) => return fail(object, problem),
-            },
+            (Picture::File(path), Use::Glossiness(factor)) => {
+                read_picture(path, TEXTURE_LIMIT).map(|image| roughness(image, factor))
+            }
         };
+        let texture = texture.map_err(failed)?;
+        if let Picture::File(path) = picture {
+            data.files.push(path);
+        }
         let texture = Arc::new(self.budget.take(texture, Path::new(&object)).map_err(failed)?);
         self.images.insert(key, Arc::clone(&texture));
         Ok(texture)
     }
+
+    /// Where the bytes of an image are. What they are is told by the first of them, whatever the file says.
+    fn picture<'d>(
+        &self,
+        index: usize,
+        object: &str,
+        data: &'d mut Data<'_>,
+    ) -> Result<Picture<'d>, Failure> {
+        let Some(image) = self.document.as_json().images.get(index) else {
+            return fail(object, "there is no such image; write the file again");
+        };
+        let said = image.mime_type.as_ref().map(|kind| kind.0.clone());
+        let bytes: Cow<'d, [u8]> = match (&image.uri, image.buffer_view) {
+            (Some(uri), _) => match data.resolve(uri).or_else(|problem| fail(object, problem))? {
+                Resource::Inline(bytes) => Cow::Owned(bytes),
+                Resource::File(path) => return Ok(Picture::File(path)),
+            },
+            (None, Some(view)) => {
+                let Some(view) = self.document.views().nth(view.value()) else {
+                    return fail(object, "there is no such buffer view; write the file again");
+                };
+                // Twice, as the first may fail and what is said of it is kept where the bytes are.
+                let kind = kind_of(data.view(&view)?);
+                warn_of_kind(&mut data.report, object, said.as_deref(), kind);
+                return data.view(&view).map(Cow::Borrowed).map(Picture::Bytes);
+            }
+            (None, None) => {
+                return fail(
+                    object,
+                    "it has neither a URI nor a buffer view, so there is no picture; write the file again",
+                );
+            }
+        };
+        warn_of_kind(&mut data.report, object, said.as_deref(), kind_of(&bytes));
+        Ok(Picture::Bytes(bytes))
+    }
+}
+
+/// The MIME type that the first bytes of a picture tell, of those that glTF has.
+fn kind_of(bytes: &[u8]) -> Option<&'static str> {
+    const KINDS: [(&[u8], &str); 3] =
+        [(b"\x89PNG", "image/png"), (b"\xff\xd8\xff", "image/jpeg"), (b"RIFF", "image/webp")];
+    KINDS.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|(_, kind)| *kind)
+}
+
+fn warn_of_kind(report: &mut Report, object: &str, said: Option<&str>, found: Option<&str>) {
+    if let (Some(said), Some(found)) = (said, found)
+        && said != found
+    {
+        report.warn("kind of picture", || {
+            format!("{object} is said to be {}, and is {found}; it is read as that", super::shown(said))
+        });
+    }
+}
+
+/// A material of KHR_materials_pbrSpecularGlossiness: its specular colour is what facets reflect at right angles, and the diffuse
+/// base gets what they leave.
+fn specular_glossiness(part: &Part<'_>, material: &mut LayeredMaterial) -> Result<(), Failure> {
+    let at = |key: &str| format!("{SPECULAR_GLOSSINESS}/{key}");
+    let [r, g, b, alpha] = part.numbers(&at("diffuseFactor"), [1.0; 4])?;
+    let glossiness = part.number(&at("glossinessFactor"), 1.0)?.clamp(0.0, 1.0);
+    material.factors = LayeredParameters {
+        base: Rgb::new(r, g, b).clamp(Rgb::ZERO, Rgb::ONE),
+        metallic: 0.0,
+        ior: TOTAL_IOR,
+        specular: 1.0,
+        specular_colour: part.colour(&at("specularFactor"), 1.0)?,
+        transmission: 0.0,
+        coat: 0.0,
+        ..material.factors
+    };
+    material.alpha = alpha.clamp(0.0, 1.0);
+    material.roughness = 1.0 - glossiness;
+    material.anisotropy = [0.0; 2];
+    Ok(())
+}
+
+/// The roughness, in green, of a picture with glossiness in alpha, of which `factor` (as bits) counts.
+fn roughness(mut image: Image, factor: u32) -> ImageTexture {
+    let factor = f32::from_bits(factor);
+    image.layers.truncate(1);
+    for layer in &mut image.layers {
+        let channels = layer.channels.len().max(1);
+        let rough = |pixel: &[f32]| {
+            let alpha = match channels {
+                2 => pixel.get(1),
+                4.. => pixel.get(3),
+                _ => None,
+            };
+            1.0 - factor * alpha.copied().unwrap_or(1.0)
+        };
+        layer.data = layer.data.chunks_exact(channels).map(rough).collect();
+        layer.channels.truncate(1);
+    }
+    ImageTexture::new(&image, Encoding::Linear)
 }
 
 fn sampler_of(sampler: &gltf::texture::Sampler<'_>) -> Sampler {

@@ -3,30 +3,39 @@
 //! The JSON is read into the types of the crate `gltf` and checked by it; buffers and accessors are read here, as every length is
 //! to be checked before memory is taken or touched.
 
+mod check;
 mod container;
 mod data;
 mod error;
 mod materials;
 mod nodes;
 mod primitives;
+mod schema;
+mod semantics;
+mod size;
 mod stage;
 #[cfg(test)]
 mod tests;
 
 pub use error::{GltfError, GltfProblem};
+pub(super) use size::declared_gltf_size;
 
-use self::data::Data;
+use self::check::Report;
+use self::container::Parsed;
+use self::data::{Allow, Data};
 use self::error::{Failure, fail};
 use self::materials::Materials;
-use self::nodes::{Hierarchy, Placed};
-use self::primitives::{PrimitiveReport, ReadPrimitive};
+use self::nodes::{Hierarchy, Placed, Pose};
+use self::primitives::{Deformation, PrimitiveReport, ReadPrimitive};
 use self::stage::{Choice, Wishes};
 use super::description::{
     EmissionDescription, FilmDescription, FilterDescription, GeometryDescription, InstanceDescription,
-    Location, MediumDescription, Named, SceneDescription, SceneWarning, ShapeDescription,
+    Location, MaterialDescription, MediumDescription, Named, SceneDescription, SceneWarning,
+    ShapeDescription,
 };
 use super::diagnostic::suggestion;
-use crate::render::Overrides;
+use crate::render::{MemoryError, MemoryEstimate, Overrides};
+use crate::textures::VertexData;
 use glam::{DAffine3, DVec3};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -77,16 +86,19 @@ struct Parameters<'a> {
     scene: Option<&'a str>,
     camera: Option<&'a str>,
     variant: Option<&'a str>,
+    /// Whether files outside of the folder of this one may be read.
+    outside: bool,
     wishes: Wishes,
 }
 
 impl<'a> Parameters<'a> {
     fn new(parameters: &'a [(String, String)]) -> Result<Self, Failure> {
-        const NAMES: [&str; 5] = ["scene", "camera", "variant", "ground", "light"];
+        const NAMES: [&str; 6] = ["scene", "camera", "variant", "ground", "light", "outside"];
         let mut read = Self {
             scene: None,
             camera: None,
             variant: None,
+            outside: false,
             wishes: Wishes { ground: Choice::Auto, light: Choice::Auto },
         };
         for (name, value) in parameters {
@@ -102,6 +114,13 @@ impl<'a> Parameters<'a> {
                 "variant" => read.variant = Some(value),
                 "ground" => read.wishes.ground = choice()?,
                 "light" => read.wishes.light = choice()?,
+                "outside" => {
+                    read.outside = match value.as_str() {
+                        "yes" => true,
+                        "no" => false,
+                        _ => return fail("", format!("--set outside={}: write yes or no", shown(value))),
+                    }
+                }
                 _ => {
                     let known = suggestion(name, &NAMES);
                     return fail("", format!("a glTF file has no parameter `{}`; {known}", shown(name)));
@@ -131,13 +150,30 @@ fn choose(wanted: &str, names: &[Option<String>], what: &str) -> Result<usize, F
 }
 
 /// Reads a `.gltf` or `.glb` file as a scene. `parameters` are `scene`, `camera`, `variant` (each a name or a number from 0),
-/// `ground` and `light` (`auto`, `yes` or `no`).
+/// `ground` and `light` (`auto`, `yes` or `no`), `outside` (`yes` where it may name files outside of its folder).
 ///
 /// # Errors
 /// Where the file, or another that it needs, cannot be read, is damaged, or asks for what is not there: with file, object,
 /// and what to do.
 pub fn gltf_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, GltfError> {
-    read_file(path).and_then(|bytes| load(&bytes, path, parameters)).map_err(|failure| told(path, failure))
+    gltf_scene_within(path, parameters, &|_| Ok(()))
+}
+
+/// [`gltf_scene`] where `allow` says yes to what the file is foreseen to take. It is asked before the JSON is parsed, before a file
+/// beside it is read, and before meshes are; what follows from that, as Embree's hierarchy, is part of the estimate.
+///
+/// # Errors
+/// As [`gltf_scene`], and what `allow` returns.
+pub fn gltf_scene_within(
+    path: &Path,
+    parameters: &[(String, String)],
+    allow: &dyn Fn(&MemoryEstimate) -> Result<(), MemoryError>,
+) -> Result<SceneDescription, GltfError> {
+    let size = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    let file = MemoryEstimate { reading: size, ..MemoryEstimate::default() };
+    let allowed = allow(&file).or_else(|error| fail("", error));
+    let bytes = allowed.and_then(|()| read_file(path));
+    bytes.and_then(|bytes| load(&bytes, path, parameters, allow)).map_err(|failure| told(path, failure))
 }
 
 /// [`gltf_scene`] of a file's bytes; messages call it `path`, and other files that it names are looked for beside that.
@@ -145,7 +181,7 @@ pub fn gltf_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneD
 /// # Errors
 /// As [`gltf_scene`].
 pub fn parse_gltf_bytes(bytes: &[u8], path: &Path) -> Result<SceneDescription, GltfError> {
-    load(bytes, path, &[]).map_err(|failure| told(path, failure))
+    load(bytes, path, &[], &|_| Ok(())).map_err(|failure| told(path, failure))
 }
 
 fn told(path: &Path, (object, problem): Failure) -> GltfError {
@@ -176,7 +212,7 @@ pub(super) fn further_files(path: &Path) -> Vec<PathBuf> {
         list.into_iter().flatten().filter_map(|item| item.get("uri").and_then(Value::as_str))
     });
     let mut files: Vec<PathBuf> = uris
-        .filter_map(|uri| match data::resolve(uri, folder) {
+        .filter_map(|uri| match data::resolve(uri, folder, true) {
             Ok(data::Resource::File(path)) if path.is_file() => Some(path),
             _ => None,
         })
@@ -194,14 +230,22 @@ fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     std::fs::read(path).map_err(io)
 }
 
-fn load(bytes: &[u8], path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, Failure> {
+fn load(
+    bytes: &[u8],
+    path: &Path,
+    parameters: &[(String, String)],
+    allow: Allow<'_>,
+) -> Result<SceneDescription, Failure> {
     let parameters = Parameters::new(parameters)?;
     let parts = container::split(bytes)?;
+    let reading = (bytes.len() as u64).saturating_add(size::of_text(parts.json));
+    let estimate = MemoryEstimate { reading, ..MemoryEstimate::default() };
+    allow(&estimate).or_else(|error| fail("", error))?;
     let mut warnings = parts.warnings;
-    let (document, json) = container::parse(parts.json, &mut warnings)?;
+    let Parsed { document, json, animations } = container::parse(parts.json, &mut warnings)?;
     nodes::check_trees(&document)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let data = Data::new(&document, parts.binary, folder);
+    let data = Data::new(&document, parts.binary, folder, parameters.outside, (estimate, allow));
     let mut loader = Loader {
         document: &document,
         data,
@@ -215,13 +259,17 @@ fn load(bytes: &[u8], path: &Path, parameters: &[(String, String)]) -> Result<Sc
         Some(wanted) => Some(choose(wanted, &scenes, "scene")?),
         None => document.default_scene().map(|scene| scene.index()).or((!scenes.is_empty()).then_some(0)),
     };
-    let hierarchy = nodes::hierarchy(&document, scene);
+    let mut report = Report::default();
+    let hierarchy = nodes::hierarchy((&document, &json), scene, &mut loader.data, &mut report)?;
+    loader.data.foresee("", |estimate| size::add_meshes(&document, &hierarchy, estimate))?;
     let variants = Variants::new(&json, parameters.variant)?;
-    loader.add_meshes(&hierarchy.meshes, &variants)?;
+    loader.add_meshes(&hierarchy, &variants)?;
     loader.add_camera(&hierarchy, parameters.camera, &mut warnings)?;
     loader.add_lights(&hierarchy);
-    warnings.extend(findings(&document, &hierarchy, &loader.report));
-    let Loader { mut description, data, .. } = loader;
+    warnings.extend(report.into_warnings());
+    warnings.extend(findings(animations, &hierarchy, &loader.report));
+    let Loader { mut description, mut data, .. } = loader;
+    warnings.extend(std::mem::take(&mut data.report).into_warnings());
     let location = description.location.clone();
     let warning = |message| SceneWarning { location: location.clone(), message };
     description.warnings.extend(warnings.into_iter().map(warning));
@@ -263,18 +311,23 @@ fn blank(path: &Path) -> SceneDescription {
 }
 
 /// What was left out, one sentence each.
-fn findings(document: &gltf::Document, hierarchy: &Hierarchy, report: &PrimitiveReport) -> Vec<String> {
+fn findings(animations: u64, hierarchy: &Hierarchy, report: &PrimitiveReport) -> Vec<String> {
     let counts = [
         (report.other_modes, "primitives of points or lines left out: they have no surface"),
         (report.empty, "primitives without positions or triangles left out"),
-        (report.morphed, "primitives with morph targets are shown without them"),
-        (hierarchy.skinned, "skinned meshes are shown as they are modelled, not as their joints stand"),
+        (report.loose, "vertices of skinned meshes without weights hang on the first joint"),
         (hierarchy.flat, "nodes with a mesh left out, as their transform makes it flat, or is not finite"),
-        (document.animations().len() as u64, "animations not played: nodes stand where the file puts them"),
+        (animations, "animations not played: nodes stand where the file puts them"),
     ];
     let counted =
         counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
     counted.chain(report.mesh.findings()).collect()
+}
+
+/// The set of texture coordinates that a material reads and vertices do not have.
+fn missing_coordinates(material: &MaterialDescription, data: &VertexData) -> Option<usize> {
+    let MaterialDescription::Layered { material, .. } = material else { return None };
+    material.slots().map(|slot| slot.set).find(|set| data.uvs.get(*set).is_none_or(Vec::is_empty))
 }
 
 /// Materials that a variant puts in the place of others (KHR_materials_variants).
@@ -323,12 +376,18 @@ struct Loader<'a> {
 
 impl Loader<'_> {
     /// Adds the meshes of all nodes: one that several nodes show becomes a group that they place.
-    fn add_meshes(&mut self, placed: &[Placed], variants: &Variants<'_>) -> Result<(), Failure> {
-        let mut by_mesh: BTreeMap<usize, Vec<&Placed>> = BTreeMap::new();
-        for node in placed {
-            by_mesh.entry(node.index).or_default().push(node);
+    fn add_meshes(&mut self, hierarchy: &Hierarchy, variants: &Variants<'_>) -> Result<(), Failure> {
+        let mut by_mesh: BTreeMap<(usize, &Pose), Vec<&Placed>> = BTreeMap::new();
+        for node in &hierarchy.meshes {
+            by_mesh.entry((node.index, &node.pose)).or_default().push(node);
         }
-        for (index, nodes) in by_mesh {
+        for ((index, pose), mut nodes) in by_mesh {
+            let joints = pose.skin.and_then(|skin| hierarchy.skins.get(skin)?.as_deref());
+            if joints.is_some() {
+                // All would stand in the same place.
+                nodes.truncate(1);
+            }
+            let deformation = Deformation { weights: pose.weights().collect(), joints };
             let Some(mesh) = self.document.meshes().nth(index) else { continue };
             let name = label("meshes", index, mesh.name());
             let location = self.description.location.clone();
@@ -351,12 +410,22 @@ impl Loader<'_> {
             let transform = if group.is_some() { DAffine3::IDENTITY } else { nodes[0].to_world };
             for primitive in mesh.primitives() {
                 let object = format!("{name}, primitive {}", primitive.index());
-                let read = primitives::read(&mut self.data, &primitive, &object, &mut self.report)?;
+                let read =
+                    primitives::read(&mut self.data, &primitive, &deformation, &object, &mut self.report)?;
                 let Some(ReadPrimitive { mesh: triangles, data }) = read else { continue };
                 let coloured = !data.colours.is_empty();
                 let material = variants.material(index, &primitive);
                 let material =
                     self.materials.convert(material, coloured, &mut self.data, &mut self.description)?;
+                let lacks = missing_coordinates(&self.description.materials[material.material].value, &data);
+                if let Some(set) = lacks {
+                    self.data.report.warn("coordinates", || {
+                        format!(
+                            "{object}: its material has pictures on texture coordinates {set}, which it lacks; they show one \
+                             texel"
+                        )
+                    });
+                }
                 if material.emission.is_some() {
                     self.emitting = self.emitting.saturating_add(triangles.triangles.len() * nodes.len());
                     if self.emitting > MOST_EMITTING {

@@ -1,12 +1,20 @@
 //! The hierarchy of nodes: what stands where.
 
+use super::check::Report;
+use super::data::Data;
 use super::error::{Failure, fail};
 use super::materials::LUMENS_PER_WATT;
+use crate::render::{INSTANCE, LIGHT};
 use crate::scene_file::description::{CameraDescription, FovAxis, LightDescription, Location};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
+use gltf::Semantic;
 use gltf::khr_lights_punctual::Kind;
 use gltf::scene::Transform;
+use serde_json::Value;
 use std::f64::consts::FRAC_PI_2;
+
+/// Places that nodes and their instances may have in all.
+const MOST_PLACED: usize = 1 << 23;
 
 /// A mesh, camera or light of a node, by its index, with the node's name and its place in the world.
 #[derive(Clone, Debug)]
@@ -14,6 +22,34 @@ pub(super) struct Placed {
     pub index: usize,
     pub node: String,
     pub to_world: DAffine3,
+    /// What deforms the mesh before it is placed.
+    pub pose: Pose,
+}
+
+/// What deforms a mesh. Nodes that show the same mesh in the same pose share it.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Pose {
+    /// Skin that places the vertices in the world; the place of the node does not count then.
+    pub skin: Option<usize>,
+    /// Weights of the morph targets, as bits; none where all are zero.
+    weights: Vec<u32>,
+}
+
+impl Pose {
+    fn of(node: &gltf::Node<'_>, mesh: &gltf::Mesh<'_>) -> Self {
+        let weights = node.weights().or(mesh.weights()).unwrap_or_default();
+        let weights = if weights.iter().all(|weight| *weight == 0.0) { &[] } else { weights };
+        let is_skinned = mesh.primitives().any(|primitive| primitive.get(&Semantic::Joints(0)).is_some());
+        Self {
+            skin: node.skin().filter(|_| is_skinned).map(|skin| skin.index()),
+            weights: weights.iter().map(|weight| weight.to_bits()).collect(),
+        }
+    }
+
+    /// Weights of the morph targets; none where all are zero.
+    pub(super) fn weights(&self) -> impl Iterator<Item = f32> {
+        self.weights.iter().map(|bits| f32::from_bits(*bits))
+    }
 }
 
 /// What a scene consists of, in the order of its nodes.
@@ -24,8 +60,8 @@ pub(super) struct Hierarchy {
     pub lights: Vec<Placed>,
     /// Nodes with a mesh that a transform makes flat, or moves to infinity.
     pub flat: u64,
-    /// Nodes with skins.
-    pub skinned: u64,
+    /// Joints of each skin in use, from where its vertices are modelled to the world.
+    pub skins: Vec<Option<Vec<DAffine3>>>,
 }
 
 fn local(node: &gltf::Node<'_>) -> DAffine3 {
@@ -35,18 +71,19 @@ fn local(node: &gltf::Node<'_>) -> DAffine3 {
             let matrix = DMat4::from_cols_array_2d(&columns);
             DAffine3::from_mat4(matrix)
         }
-        Transform::Decomposed { translation, rotation, scale } => {
-            let rotation = DQuat::from_array(rotation.map(f64::from));
-            // Those of files are of unit length but for rounding; zero means nothing is turned.
-            let length = rotation.length();
-            let rotation = if length > 0.0 { rotation / length } else { DQuat::IDENTITY };
-            DAffine3::from_scale_rotation_translation(
-                DVec3::from_array(scale.map(f64::from)),
-                rotation,
-                DVec3::from_array(translation.map(f64::from)),
-            )
-        }
+        Transform::Decomposed { translation, rotation, scale } => DAffine3::from_scale_rotation_translation(
+            DVec3::from_array(scale.map(f64::from)),
+            turn(rotation),
+            DVec3::from_array(translation.map(f64::from)),
+        ),
     }
+}
+
+/// A quaternion of a file: of unit length but for rounding; zero means nothing is turned.
+fn turn(rotation: [f32; 4]) -> DQuat {
+    let rotation = DQuat::from_array(rotation.map(f64::from));
+    let length = rotation.length();
+    if length > 0.0 { rotation / length } else { DQuat::IDENTITY }
 }
 
 /// Checks that nodes form trees: none is below itself, or below two others.
@@ -83,32 +120,148 @@ pub(super) fn check_trees(document: &gltf::Document) -> Result<(), Failure> {
     }
 }
 
-/// Follows the nodes of a scene; all that have no parent where the file has no scenes.
-pub(super) fn hierarchy(document: &gltf::Document, scene: Option<usize>) -> Hierarchy {
-    let mut found = Hierarchy::default();
-    let scene = scene.and_then(|scene| document.scenes().nth(scene));
-    let roots: Vec<gltf::Node<'_>> = match &scene {
-        Some(scene) => scene.nodes().collect(),
-        None => {
-            let mut is_child = vec![false; document.nodes().len()];
-            for child in document.nodes().flat_map(|node| node.children().collect::<Vec<_>>()) {
-                is_child[child.index()] = true;
-            }
-            document.nodes().filter(|node| !is_child[node.index()]).collect()
-        }
+/// For each node its parent.
+fn parents(document: &gltf::Document) -> Vec<Option<usize>> {
+    let mut parents = vec![None; document.nodes().len()];
+    for node in document.nodes() {
+        node.children().for_each(|child| parents[child.index()] = Some(node.index()));
+    }
+    parents
+}
+
+/// The nodes that a scene begins with: those that it lists, but for those below others; without scenes, all that have no parent.
+fn roots<'a>(document: &'a gltf::Document, scene: Option<usize>, report: &mut Report) -> Vec<gltf::Node<'a>> {
+    let parents = parents(document);
+    let Some(scene) = scene.and_then(|scene| document.scenes().nth(scene)) else {
+        return document.nodes().filter(|node| parents[node.index()].is_none()).collect();
     };
+    let mut listed = vec![false; parents.len()];
+    scene.nodes().for_each(|node| listed[node.index()] = true);
+    let name = |node: &gltf::Node<'_>| super::label("nodes", node.index(), node.name());
+    let mut roots = Vec::new();
+    for node in scene.nodes() {
+        if parents[node.index()].is_none() {
+            roots.push(node);
+            continue;
+        }
+        let mut above = parents[node.index()];
+        while let Some(next) = above.filter(|above| !listed[*above]) {
+            above = parents[next];
+        }
+        if above.is_some() {
+            report.warn("child as root", || {
+                format!("{} is a child of another node, and the scene lists it as well; it is shown once, where its parent \
+                 puts it", name(&node))
+            });
+        } else {
+            report.warn("child without parent", || {
+                format!("{} is a child of another node, which the scene does not have; it is shown without its parent's place", name(&node))
+            });
+            roots.push(node);
+        }
+    }
+    roots
+}
+
+/// Places of the instances of EXT_mesh_gpu_instancing in their node; `None` for a node without.
+fn instances(
+    node: &gltf::Node<'_>,
+    (document, json): (&gltf::Document, &Value),
+    data: &mut Data<'_>,
+) -> Result<Option<Vec<DAffine3>>, Failure> {
+    let attributes = json.get("nodes").and_then(|nodes| nodes.get(node.index()));
+    let attributes =
+        attributes.and_then(|node| node.pointer("/extensions/EXT_mesh_gpu_instancing/attributes"));
+    let Some(attributes) = attributes.and_then(Value::as_object) else { return Ok(None) };
+    let object = super::label("nodes", node.index(), node.name());
+    let mut first = None;
+    let mut accessor = |name: &str| -> Result<Option<gltf::Accessor<'_>>, Failure> {
+        let Some(index) = attributes.get(name).and_then(Value::as_u64) else { return Ok(None) };
+        let Some(accessor) = document.accessors().nth(index as usize) else { return Ok(None) };
+        let (found, first) = (accessor.count(), *first.get_or_insert(accessor.count()));
+        if found != first {
+            let problem =
+                format!("{name} of its instances has {found} elements, and another attribute {first}");
+            return fail(&object, format!("{problem}; the file is damaged"));
+        }
+        if found > MOST_PLACED {
+            return fail(&object, format!("{found} instances, and at most {MOST_PLACED} are placed"));
+        }
+        Ok(Some(accessor))
+    };
+    // Attributes of other names place nothing, and tell how many there are.
+    let count = match attributes.keys().map(|name| accessor(name)).find_map(Result::transpose) {
+        Some(first) => first?.count(),
+        None => 0,
+    };
+    data.foresee(&object, |estimate| {
+        estimate.lights = estimate.lights.saturating_add((count as u64).saturating_mul(INSTANCE));
+    })?;
+    let mut vectors = |name: &str| match accessor(name)? {
+        Some(accessor) => data.vectors_exactly::<3>(&accessor).map(Some),
+        None => Ok(None),
+    };
+    let (translations, scales) = (vectors("TRANSLATION")?, vectors("SCALE")?);
+    let rotations = match accessor("ROTATION")? {
+        Some(accessor) => Some(data.vectors_exactly::<4>(&accessor)?),
+        None => None,
+    };
+    let place = |i: usize| {
+        let at = |list: &Option<Vec<[f32; 3]>>, default| {
+            list.as_ref().map_or(default, |list| DVec3::from_array(list[i].map(f64::from)))
+        };
+        let rotation = rotations.as_ref().map_or(DQuat::IDENTITY, |rotations| turn(rotations[i]));
+        DAffine3::from_scale_rotation_translation(
+            at(&scales, DVec3::ONE),
+            rotation,
+            at(&translations, DVec3::ZERO),
+        )
+    };
+    Ok(Some((0..count).map(place).collect()))
+}
+
+/// Follows the nodes of a scene; all that have no parent where the file has no scenes.
+pub(super) fn hierarchy(
+    (document, json): (&gltf::Document, &Value),
+    scene: Option<usize>,
+    data: &mut Data<'_>,
+    report: &mut Report,
+) -> Result<Hierarchy, Failure> {
+    let mut found = Hierarchy { skins: vec![None; document.skins().len()], ..Hierarchy::default() };
+    let roots = roots(document, scene, report);
     let mut waiting: Vec<_> = roots.into_iter().rev().map(|node| (node, DAffine3::IDENTITY)).collect();
     while let Some((node, above)) = waiting.pop() {
         let to_world = above * local(&node);
-        let placed =
-            |index: usize| Placed { index, node: super::label("nodes", node.index(), node.name()), to_world };
+        let name = super::label("nodes", node.index(), node.name());
+        let placed = |index: usize| Placed { index, node: name.clone(), to_world, pose: Pose::default() };
         if let Some(mesh) = node.mesh() {
-            found.skinned += u64::from(node.skin().is_some());
-            let determinant = to_world.matrix3.determinant();
-            if to_world.is_finite() && determinant != 0.0 && determinant.is_finite() {
-                found.meshes.push(placed(mesh.index()));
-            } else {
-                found.flat += 1;
+            let pose = Pose::of(&node, &mesh);
+            if node.skin().is_some() && pose.skin.is_none() {
+                report.warn("skin without joints", || {
+                    format!("{name} has a skin, and its mesh no joints; it is shown as it is modelled")
+                });
+            }
+            let inner = instances(&node, (document, json), data)?;
+            if inner.is_some() && pose.skin.is_some() {
+                return fail(
+                    name,
+                    "a skin and instances, which glTF has no meaning for; export it without one of them",
+                );
+            }
+            // The place of a node with a skin does not count: its joints have theirs.
+            let to_world = if pose.skin.is_some() { DAffine3::IDENTITY } else { to_world };
+            for inner in inner.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
+                let to_world = to_world * inner;
+                let determinant = to_world.matrix3.determinant();
+                if to_world.is_finite() && determinant != 0.0 && determinant.is_finite() {
+                    let (node, pose) = (name.clone(), pose.clone());
+                    found.meshes.push(Placed { index: mesh.index(), node, to_world, pose });
+                } else {
+                    found.flat += 1;
+                }
+            }
+            if found.meshes.len() > MOST_PLACED {
+                return fail(name, format!("more than {MOST_PLACED} meshes are placed; split the file"));
             }
         }
         found.cameras.extend(node.camera().map(|camera| placed(camera.index())));
@@ -116,7 +269,47 @@ pub(super) fn hierarchy(document: &gltf::Document, scene: Option<usize>) -> Hier
         let children: Vec<_> = node.children().collect();
         waiting.extend(children.into_iter().rev().map(|child| (child, to_world)));
     }
-    found
+    let lights = (found.lights.len() as u64).saturating_mul(LIGHT);
+    data.foresee("", |estimate| estimate.lights = estimate.lights.saturating_add(lights))?;
+    add_skins(document, &mut found, data)?;
+    Ok(found)
+}
+
+/// The joints of the skins in use.
+fn add_skins(document: &gltf::Document, found: &mut Hierarchy, data: &mut Data<'_>) -> Result<(), Failure> {
+    let used: Vec<usize> = found.meshes.iter().filter_map(|placed| placed.pose.skin).collect();
+    if used.is_empty() {
+        return Ok(());
+    }
+    // Joints may stand anywhere in the file.
+    let parents = parents(document);
+    let mut to_world = vec![DAffine3::IDENTITY; parents.len()];
+    let mut waiting: Vec<_> = document.nodes().filter(|node| parents[node.index()].is_none()).collect();
+    while let Some(node) = waiting.pop() {
+        let above = parents[node.index()].map_or(DAffine3::IDENTITY, |parent| to_world[parent]);
+        to_world[node.index()] = above * local(&node);
+        waiting.extend(node.children());
+    }
+    for index in used {
+        let Some(skin) = document.skins().nth(index) else { continue };
+        if found.skins[index].is_some() {
+            continue;
+        }
+        let mut joints: Vec<DAffine3> = skin.joints().map(|joint| to_world[joint.index()]).collect();
+        if let Some(accessor) = skin.inverse_bind_matrices() {
+            let inverse = data.vectors_exactly::<16>(&accessor)?;
+            if inverse.len() < joints.len() {
+                let problem = format!("{} inverse bind matrices for {} joints", inverse.len(), joints.len());
+                let object = super::label("skins", index, skin.name());
+                return fail(object, format!("{problem}; the file is damaged"));
+            }
+            for (joint, inverse) in joints.iter_mut().zip(inverse) {
+                *joint *= DAffine3::from_mat4(DMat4::from_cols_array(&inverse.map(f64::from)));
+            }
+        }
+        found.skins[index] = Some(joints);
+    }
+    Ok(())
 }
 
 /// The pinhole camera of a node: `None`, and a warning, for one of parallel rays, or one that cannot be placed.

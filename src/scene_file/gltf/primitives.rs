@@ -5,12 +5,27 @@ use super::error::{Failure, fail};
 use crate::math::unit;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable};
 use crate::textures::VertexData;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use gltf::Semantic;
 use gltf::mesh::Mode;
 
 /// Memory that meshes of one file may take.
 const MOST_KEPT: u64 = 1 << 32;
+
+/// Bytes of a vertex that stay: position, normal, two pairs of coordinates, tangent and colour.
+pub(super) const BYTES_OF_VERTEX: u64 = 100;
+
+/// Bytes of a triangle that stay.
+pub(super) const BYTES_OF_TRIANGLE: u64 = 24;
+
+/// What deforms the vertices of a primitive.
+#[derive(Debug, Default)]
+pub(super) struct Deformation<'a> {
+    /// Weights of the morph targets; none where all are zero.
+    pub weights: Vec<f32>,
+    /// Joints of the skin, from where the vertices are modelled to the world.
+    pub joints: Option<&'a [DAffine3]>,
+}
 
 /// What primitives are left out.
 #[derive(Debug, Default)]
@@ -19,8 +34,8 @@ pub(super) struct PrimitiveReport {
     pub other_modes: u64,
     /// Without positions, or without triangles.
     pub empty: u64,
-    /// With more than two sets of coordinates or one of colours in use.
-    pub morphed: u64,
+    /// Vertices that no joint of their skin moves.
+    pub loose: u64,
     /// Of triangles and their vertices.
     pub mesh: MeshReport,
     /// Bytes kept so far.
@@ -38,6 +53,7 @@ pub(super) struct ReadPrimitive {
 pub(super) fn read(
     data: &mut Data<'_>,
     primitive: &gltf::Primitive<'_>,
+    deformation: &Deformation<'_>,
     object: &str,
     report: &mut PrimitiveReport,
 ) -> Result<Option<ReadPrimitive>, Failure> {
@@ -49,9 +65,19 @@ pub(super) fn read(
         report.empty += 1;
         return Ok(None);
     };
-    report.morphed += u64::from(primitive.morph_targets().next().is_some());
-    let positions = data.vectors::<3>(&positions)?;
+    let mut positions = data.vectors_exactly::<3>(&positions)?;
     let count = positions.len();
+    add_targets(data, primitive, &deformation.weights, |target| target.positions(), &mut positions)?;
+    let skinned = match deformation.joints {
+        Some(joints) => Some(skinning(data, primitive, joints, object, report)?),
+        None => None,
+    };
+    if let Some(skinned) = &skinned {
+        for (position, matrix) in positions.iter_mut().zip(skinned) {
+            let moved = matrix.transform_point3(DVec3::from_array(position.map(f64::from)));
+            *position = moved.as_vec3().to_array();
+        }
+    }
     let order = match primitive.indices() {
         Some(accessor) => data.indices(&accessor)?,
         None => (0..count as u32).collect(),
@@ -81,7 +107,12 @@ pub(super) fn read(
     let normals = match attribute(Semantic::Normals)? {
         None => None,
         Some(accessor) => {
-            let normals = kept(data.vectors::<3>(&accessor)?, &keep);
+            let mut normals = data.vectors_exactly::<3>(&accessor)?;
+            add_targets(data, primitive, &deformation.weights, |target| target.normals(), &mut normals)?;
+            for (normal, matrix) in normals.iter_mut().zip(skinned.iter().flatten()) {
+                *normal = moved_normal(&matrix.matrix3, *normal);
+            }
+            let normals = kept(normals, &keep);
             Some(normals.map(|normal| usable_normal(normal, &mut report.mesh)).collect::<Vec<_>>())
         }
     };
@@ -98,7 +129,16 @@ pub(super) fn read(
             .collect();
     }
     if let Some(accessor) = attribute(Semantic::Tangents)? {
-        let tangents = kept(data.vectors::<4>(&accessor)?, &keep);
+        let tangents = data.vectors_exactly::<4>(&accessor)?;
+        let (mut along, signs): (Vec<_>, Vec<_>) =
+            tangents.into_iter().map(|[x, y, z, sign]| ([x, y, z], sign)).unzip();
+        add_targets(data, primitive, &deformation.weights, |target| target.tangents(), &mut along)?;
+        for (tangent, matrix) in along.iter_mut().zip(skinned.iter().flatten()) {
+            let moved = matrix.matrix3 * DVec3::from_array(tangent.map(f64::from));
+            *tangent = moved.as_vec3().to_array();
+        }
+        let tangents = along.into_iter().zip(signs).map(|([x, y, z], sign)| [x, y, z, sign]).collect();
+        let tangents = kept(tangents, &keep);
         let tangent = |[x, y, z, sign]: [f32; 4]| {
             (unit(Vec3::new(x, y, z)).unwrap_or(Vec3::ZERO), if sign < 0.0 { -1.0 } else { 1.0 })
         };
@@ -110,7 +150,7 @@ pub(super) fn read(
         report.empty += 1;
         return Ok(None);
     }
-    report.kept += 100 * positions.len() as u64 + 24 * triangles.len() as u64;
+    report.kept += BYTES_OF_VERTEX * positions.len() as u64 + BYTES_OF_TRIANGLE * triangles.len() as u64;
     if report.kept > MOST_KEPT {
         return fail(object, format!("the meshes of this file take more than {MOST_KEPT} bytes; split it"));
     }
@@ -119,6 +159,75 @@ pub(super) fn read(
         mesh: TriangleMesh { positions, triangles, normals, uvs: None },
         data: vertices,
     }))
+}
+
+/// Adds the displacements of the morph targets, by their weights.
+fn add_targets(
+    data: &mut Data<'_>,
+    primitive: &gltf::Primitive<'_>,
+    weights: &[f32],
+    part: impl for<'d> Fn(&gltf::mesh::MorphTarget<'d>) -> Option<gltf::Accessor<'d>>,
+    values: &mut [[f32; 3]],
+) -> Result<(), Failure> {
+    for (target, &weight) in primitive.morph_targets().zip(weights).filter(|(_, weight)| **weight != 0.0) {
+        let Some(accessor) = part(&target) else { continue };
+        for (value, offset) in values.iter_mut().zip(data.vectors_exactly::<3>(&accessor)?) {
+            *value = (Vec3::from_array(*value) + weight * Vec3::from_array(offset)).to_array();
+        }
+    }
+    Ok(())
+}
+
+/// For each vertex the mean of its joints, by their weights (glTF 2.0, section 3.7.3.3).
+fn skinning(
+    data: &mut Data<'_>,
+    primitive: &gltf::Primitive<'_>,
+    joints: &[DAffine3],
+    object: &str,
+    report: &mut PrimitiveReport,
+) -> Result<Vec<DAffine3>, Failure> {
+    let mut sums: Vec<(DAffine3, f64)> = Vec::new();
+    for set in 0.. {
+        let (Some(indices), Some(weights)) =
+            (primitive.get(&Semantic::Joints(set)), primitive.get(&Semantic::Weights(set)))
+        else {
+            break;
+        };
+        let (indices, weights) = (data.vectors_exactly::<4>(&indices)?, data.vectors_exactly::<4>(&weights)?);
+        sums.resize(indices.len(), (DAffine3::ZERO, 0.0));
+        for ((sum, total), (indices, weights)) in sums.iter_mut().zip(indices.into_iter().zip(weights)) {
+            for (index, weight) in indices.into_iter().zip(weights) {
+                let weight = f64::from(weight);
+                if !(weight > 0.0 && weight.is_finite()) {
+                    continue;
+                }
+                let Some(joint) = joints.get(index as usize) else {
+                    let problem =
+                        format!("a vertex hangs on joint {index}, and its skin has {}", joints.len());
+                    return fail(object, format!("{problem}; the file is damaged"));
+                };
+                sum.matrix3 += joint.matrix3 * weight;
+                sum.translation += joint.translation * weight;
+                *total += weight;
+            }
+        }
+    }
+    let mean = |(sum, total): (DAffine3, f64)| {
+        if total > 0.0 {
+            return DAffine3 { matrix3: sum.matrix3 * total.recip(), translation: sum.translation / total };
+        }
+        report.loose += 1;
+        joints.first().copied().unwrap_or(DAffine3::IDENTITY)
+    };
+    Ok(sums.into_iter().map(mean).collect())
+}
+
+/// A normal of a surface that moves by a matrix: by its cofactors, which need no inverse.
+fn moved_normal(matrix: &DMat3, normal: [f32; 3]) -> [f32; 3] {
+    let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+    let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+    let moved = cofactors * DVec3::from_array(normal.map(f64::from)) * matrix.determinant().signum();
+    moved.normalize_or_zero().as_vec3().to_array()
 }
 
 /// Triangles of a list, strip or fan (glTF 2.0, section 3.7.2.1); a rest of one or two corners is dropped.

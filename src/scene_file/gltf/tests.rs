@@ -192,6 +192,438 @@ fn nodes_place_meshes_and_share_them() {
     assert_eq!(built.scene.nodes().len(), 2 + 2); // with lamp and ground
 }
 
+/// The words of all warnings.
+fn warnings(description: &SceneDescription) -> String {
+    description.warnings.iter().map(|warning| warning.message.as_str()).collect::<Vec<_>>().join("\n")
+}
+
+/// A file with every feature that is read, free of errors by the Khronos validator; the fuzzers begin with it as well.
+fn rich() -> Value {
+    serde_json::from_str(include_str!("../../../fuzz/rich.gltf")).unwrap()
+}
+
+#[test]
+fn a_file_with_every_feature_is_read() {
+    let found = read(&rich()).unwrap();
+    let said = warnings(&found);
+    assert!(said.contains("animations") && said.contains("orthographic"), "{said}");
+    assert_eq!(said.lines().count(), 2, "{said}");
+    assert_eq!((found.lights.len(), found.groups.len(), found.instances.len()), (2, 1, 2));
+}
+
+/// Every value of the file left out and replaced by others: read or refused, never worse.
+#[test]
+fn every_key_may_be_missing_or_of_another_type() {
+    fn pointers(value: &Value, at: &str, found: &mut Vec<String>) {
+        let children: Vec<(String, &Value)> = match value {
+            Value::Object(items) => items.iter().map(|(key, value)| (key.clone(), value)).collect(),
+            Value::Array(items) => items.iter().enumerate().map(|(i, item)| (i.to_string(), item)).collect(),
+            _ => Vec::new(),
+        };
+        for (key, child) in children {
+            let pointer = format!("{at}/{key}");
+            pointers(child, &pointer, found);
+            found.push(pointer);
+        }
+    }
+    let whole = rich();
+    let mut places = Vec::new();
+    pointers(&whole, "", &mut places);
+    assert!(places.len() > 500);
+    let others = [json!(null), json!("a"), json!([]), json!({}), json!(-1), json!(0.5), json!(1)];
+    let path = Path::new("a.gltf");
+    let (mut refused, mut tried) = (0, 0);
+    for (number, pointer) in places.iter().enumerate() {
+        let (parent, key) = pointer.rsplit_once('/').unwrap();
+        let mut without = whole.clone();
+        match without.pointer_mut(parent).unwrap() {
+            Value::Object(items) => drop(items.remove(key)),
+            Value::Array(items) => drop(items.remove(key.parse().unwrap())),
+            _ => unreachable!(),
+        }
+        // All others are the driver's business (`examples/mutate.rs`); here one of them in turn.
+        let with = changed(whole.clone(), &[(pointer, others[number % others.len()].clone())]);
+        for value in [without, with] {
+            tried += 1;
+            refused += usize::from(parse_gltf_bytes(value.to_string().as_bytes(), path).is_err());
+        }
+    }
+    assert!(refused > tried / 4 && refused < tried, "{refused} of {tried}");
+}
+
+#[test]
+fn pictures_are_known_by_their_first_bytes() {
+    let mut value = rich();
+    value["images"][0].as_object_mut().unwrap().remove("mimeType");
+    let said = warnings(&read(&value).unwrap());
+    assert!(said.contains("images[0] lacks its `mimeType`"), "{said}");
+    value["images"][0]["mimeType"] = json!("image/jpeg");
+    let said = warnings(&read(&value).unwrap());
+    assert!(said.contains("said to be image/jpeg, and is image/png"), "{said}");
+    value["images"][0] = json!({ "name": "lost" });
+    let error = read(&value).unwrap_err().to_string();
+    assert!(error.contains("images[0] `lost`: it has neither"), "{error}");
+}
+
+#[test]
+fn pictures_without_coordinates_are_told() {
+    let mut value = rich();
+    value["meshes"][0]["primitives"][0]["attributes"].as_object_mut().unwrap().remove("TEXCOORD_0");
+    let said = warnings(&read(&value).unwrap());
+    assert!(
+        said.contains("meshes[0], primitive 0: its material has pictures on texture coordinates 0"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_camera_must_have_the_projection_that_it_names() {
+    let mut value = rich();
+    value["cameras"][0] =
+        json!({ "type": "perspective", "orthographic": value["cameras"][1]["orthographic"] });
+    let error = read(&value).unwrap_err().to_string();
+    assert!(error.contains("cameras[0]: it lacks the projection"), "{error}");
+}
+
+/// What the Khronos validator has nothing against.
+#[test]
+fn valid_files_are_read() {
+    for extras in [json!(42), json!("a"), json!([1]), json!(null), json!({ "a": 1 })] {
+        let value = changed(triangle(), &[("/nodes/0/extras", extras.clone()), ("/asset/extras", extras)]);
+        assert_eq!(warnings(&read(&value).unwrap()), "");
+    }
+    let scenes = json!([{ "nodes": [0] }, { "name": "empty" }]);
+    let value = changed(triangle(), &[("/scenes", scenes)]);
+    assert_eq!(warnings(&read(&value).unwrap()), "");
+    assert!(read_with(&value, &[("scene", "empty")]).unwrap().shapes.is_empty());
+    let pointer = json!({ "sampler": 0, "target": { "path": "pointer", "extensions": {
+        "KHR_animation_pointer": { "pointer": "/nodes/0/translation" } } } });
+    let animation = json!([{ "channels": [pointer], "samplers": [{ "input": 0, "output": 0 }] }]);
+    let used = json!(["KHR_animation_pointer"]);
+    let value = changed(
+        triangle(),
+        &[("/animations", animation), ("/extensionsUsed", used.clone()), ("/extensionsRequired", used)],
+    );
+    let said = warnings(&read(&value).unwrap());
+    assert!(said.contains("animations not played") && !said.contains('\n'), "{said}");
+}
+
+/// What the Khronos validator calls an error, and what has no meaning that could be shown.
+#[test]
+fn invalid_files_are_refused_by_place() {
+    let light = |light: Value| json!({ "KHR_lights_punctual": { "lights": [light] } });
+    let material = |name: &str, value: Value| json!([{ "extensions": { name: value } }]);
+    for (pointer, value, place) in [
+        ("/asset/minVersion", json!("2.5"), "asset.minVersion"),
+        ("/asset/version", json!("3.0"), "asset.version"),
+        ("/accessors/0/type", json!("VEC2"), "POSITION"),
+        ("/accessors/1/type", json!("VEC2"), "NORMAL"),
+        ("/accessors/2/type", json!("VEC3"), "accessors[2]"),
+        ("/accessors/0/componentType", json!(5125), "POSITION"),
+        ("/accessors/2/count", json!(2), "elements"),
+        ("/accessors/0/count", json!(0), "accessors[0].count"),
+        ("/bufferViews/0/byteLength", json!(4000), "bufferViews[0]"),
+        ("/bufferViews/0/byteStride", json!(30), "bufferViews[0].byteStride"),
+        ("/meshes/0/primitives/0/mode", json!(9), "meshes[0].primitives[0].mode"),
+        ("/meshes/0/weights", json!([1]), "weights for 0 morph targets"),
+        ("/nodes/0/translation", json!([1, 2]), "nodes[0].translation"),
+        ("/nodes/0/mesh", json!(7), "nodes[0].mesh"),
+        (
+            "/nodes/0/matrix",
+            json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 1]),
+            "nodes[0] `corner`: the last row",
+        ),
+        (
+            "/nodes/0",
+            json!({ "mesh": 0, "scale": [1, 1, 1], "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] }),
+            "only one of both",
+        ),
+        ("/scene", json!(1), "scene"),
+        ("/extensions", light(json!({ "type": "point", "intensity": -1 })), "lights[0].intensity"),
+        ("/extensions", light(json!({ "type": "point", "color": [1, -1, 1] })), "lights[0].color[1]"),
+        ("/extensions", light(json!({ "type": "lamp" })), "lights[0].type"),
+        ("/extensions", light(json!({ "type": "spot" })), "spot"),
+        ("/materials", material("KHR_materials_ior", json!({ "ior": 0.5 })), "at least 1 or 0"),
+        ("/materials", material("KHR_materials_volume", json!({ "attenuationDistance": 0 })), "above 0"),
+        ("/materials", material("KHR_materials_volume", json!({ "thicknessFactor": -1 })), "thicknessFactor"),
+        (
+            "/materials",
+            material("KHR_materials_emissive_strength", json!({ "emissiveStrength": -1 })),
+            "emissiveStrength",
+        ),
+        ("/materials/0/alphaCutoff", json!(-0.1), "materials[0].alphaCutoff"),
+        ("/materials/0/emissiveFactor", json!([1, 1]), "materials[0].emissiveFactor"),
+        ("/materials/0/normalTexture", json!({ "index": 3 }), "materials[0].normalTexture.index"),
+        (
+            "/cameras",
+            json!([{ "type": "perspective", "perspective": { "yfov": -1, "znear": 1 } }]),
+            "cameras[0].perspective.yfov",
+        ),
+    ] {
+        let error = read(&changed(triangle(), &[(pointer, value)])).unwrap_err().to_string();
+        assert!(error.contains(place), "{pointer}: no `{place}` in {error}");
+    }
+}
+
+/// What the validator calls an error as well, and what can only mean one thing.
+#[test]
+fn invalid_files_with_a_plain_meaning_are_shown_with_a_warning() {
+    let pbr = |key: &str, value: Value| json!([{ "pbrMetallicRoughness": { key: value } }]);
+    for (pointer, value, part) in [
+        ("/asset/version", json!("2.1"), "asset.version"),
+        ("/nodes/0/rotation", json!([0, 0, 0, 0]), "rotation is zero"),
+        ("/nodes/0/rotation", json!([0, 0, 0.5, 0.5]), "normalized"),
+        ("/nodes/0/matrix", json!([1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]), "matrix shears"),
+        ("/nodes/0/children", json!([]), "empty lists"),
+        ("/nodes/0/weights", json!([]), "empty lists"),
+        ("/scenes/0/nodes", json!([0, 0]), "scenes[0].nodes names 0 more than once"),
+        ("/materials", pbr("metallicFactor", json!(1.5)), "metallicFactor is 1.5"),
+        ("/materials", pbr("roughnessFactor", json!(-1)), "it counts as 0"),
+        ("/materials/0/emissiveFactor", json!([2, 1, 1]), "used as it is"),
+        ("/materials/0/alphaMode", json!("GLASS"), "the default is used"),
+        ("/materials/0/metalness", json!(1), "properties that glTF does not have were ignored: metalness"),
+        ("/materials/0/extensions", json!({ "KHR_materials_ior": { "ior": 1.4 } }), "without being declared"),
+        ("/materials/0/extensions", json!({ "EXT_other": {} }), "not modelled and were left out: EXT_other"),
+        ("/extensionsUsed", json!(["EXT_other"]), "not modelled and were left out: EXT_other"),
+        ("/samplers", json!([{ "wrapS": 1 }]), "samplers[0].wrapS"),
+        ("/accessors/0/normalized", json!(true), "normalized"),
+        ("/accessors/2/byteOffset", json!(23), "multiple"),
+    ] {
+        let found = read(&changed(triangle(), &[(pointer, value)])).unwrap();
+        let said = warnings(&found);
+        assert!(said.contains(part), "{pointer}: no `{part}` in {said}");
+        assert_eq!(corners(&found).len(), 1, "{pointer}");
+    }
+}
+
+/// A node that the scene lists, and that is below another one: once, where its parent puts it.
+#[test]
+fn nodes_below_others_are_shown_once() {
+    let nodes = json!([{ "children": [1], "translation": [10, 0, 0] }, { "mesh": 0 }]);
+    let value = changed(triangle(), &[("/nodes", nodes), ("/scenes/0/nodes", json!([0, 1]))]);
+    let found = read(&value).unwrap();
+    assert_eq!((corners(&found).len(), found.instances.len()), (1, 0));
+    assert_eq!(found.shapes[0].value.transform.translation, DVec3::X * 10.0);
+    assert!(warnings(&found).contains("shown once"));
+    let alone = read(&changed(value, &[("/scenes/0/nodes", json!([1]))])).unwrap();
+    assert_eq!(alone.shapes[0].value.transform.translation, DVec3::ZERO);
+    assert!(warnings(&alone).contains("without its parent's place"));
+}
+
+#[test]
+fn files_outside_of_the_folder_need_leave() {
+    let folder = tempfile::tempdir().unwrap();
+    let inner = folder.path().join("model");
+    fs::create_dir_all(inner.join("parts")).unwrap();
+    let outer = folder.path().join("a b.bin");
+    fs::write(&outer, buffer()).unwrap();
+    fs::write(inner.join("parts/in.bin"), buffer()).unwrap();
+    let path = inner.join("test.gltf");
+    let try_uri = |uri: &str, outside: &str| {
+        fs::write(&path, changed(triangle(), &[("/buffers/0/uri", json!(uri))]).to_string()).unwrap();
+        gltf_scene(&path, &[("outside".to_owned(), outside.to_owned())])
+    };
+    assert!(try_uri("parts/in.bin", "no").is_ok() && try_uri("parts/../parts/in.bin", "no").is_ok());
+    let absolute = outer.display().to_string().replace(' ', "%20");
+    for uri in [
+        "../a%20b.bin",
+        "parts/../../a%20b.bin",
+        &absolute,
+        &format!("file://{absolute}"),
+        "..\\..\\x/../../a b.bin",
+    ] {
+        let error = try_uri(uri, "no").unwrap_err().to_string();
+        assert!(error.contains("outside") || uri.contains('\\'), "{uri}: {error}");
+        assert!(try_uri(uri, "yes").is_ok() || uri.contains('\\'), "{uri}: {:?}", try_uri(uri, "yes").err());
+    }
+    for scheme in ["http", "https", "ftp"] {
+        assert!(try_uri(&format!("{scheme}://a.org/in.bin"), "yes").is_err());
+    }
+    assert!(try_uri("parts/in.bin", "maybe").unwrap_err().to_string().contains("write yes or no"));
+}
+
+/// A buffer of its own for `values`, and an accessor over it: the changes, for [`changed`].
+fn with_floats(mut value: Value, kind: &str, values: &[f32]) -> (Value, usize) {
+    let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let numbers = match kind {
+        "SCALAR" => 1,
+        "VEC3" => 3,
+        "VEC4" => 4,
+        "MAT4" => 16,
+        other => panic!("{other}"),
+    };
+    let mut push = |list: &str, item: Value| {
+        let list = value[list].as_array_mut().unwrap();
+        list.push(item);
+        list.len() - 1
+    };
+    let buffer = push("buffers", json!({ "byteLength": bytes.len(), "uri": uri(&bytes) }));
+    let view = push("bufferViews", json!({ "buffer": buffer, "byteLength": bytes.len() }));
+    let count = values.len() / numbers;
+    let accessor =
+        push("accessors", json!({ "bufferView": view, "componentType": 5126, "count": count, "type": kind }));
+    (value, accessor)
+}
+
+#[test]
+fn every_instance_of_a_node_is_placed() {
+    let translations: Vec<f32> =
+        (0..125).flat_map(|i| [(i % 5) as f32, (i / 5 % 5) as f32, (i / 25) as f32]).collect();
+    let (value, at) = with_floats(triangle(), "VEC3", &translations);
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let (value, turned) = with_floats(value, "VEC4", &[0.0, 0.0, half, half].repeat(125));
+    let (value, scaled) = with_floats(value, "VEC3", &[2.0; 375]);
+    let attributes = json!({ "TRANSLATION": at, "ROTATION": turned, "SCALE": scaled, "_ID": at });
+    let value = changed(
+        value,
+        &[
+            ("/nodes/0/extensions", json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } })),
+            ("/nodes/0/translation", json!([100, 0, 0])),
+            ("/extensionsUsed", json!(["EXT_mesh_gpu_instancing"])),
+            ("/extensionsRequired", json!(["EXT_mesh_gpu_instancing"])),
+        ],
+    );
+    let found = read(&value).unwrap();
+    assert_eq!((found.groups.len(), found.instances.len(), warnings(&found).as_str()), (1, 125, ""));
+    let corner = found.instances[124].value.transform.transform_point3(DVec3::X);
+    assert!((corner - DVec3::new(104.0, 6.0, 4.0)).length() < 1e-6, "{corner}");
+    let short = changed(value, &[(&format!("/accessors/{turned}/count"), json!(3))]);
+    assert!(read(&short).unwrap_err().to_string().contains("ROTATION of its instances"));
+}
+
+#[test]
+fn specular_and_glossiness_are_read() {
+    let mut value = triangle();
+    value["extensionsUsed"] = json!(["KHR_materials_pbrSpecularGlossiness"]);
+    value["materials"] = json!([{ "extensions": { "KHR_materials_pbrSpecularGlossiness": {
+        "diffuseFactor": [0.5, 0.25, 0.125, 1], "specularFactor": [0.25, 0.5, 0.75], "glossinessFactor": 0.75
+    } } }]);
+    let found = read(&value).unwrap();
+    let made = material(&found, 0);
+    assert_eq!(warnings(&found), "");
+    assert_eq!((made.factors.base, made.factors.metallic), (glam::Vec3::new(0.5, 0.25, 0.125), 0.0));
+    assert_eq!((made.factors.specular_colour, made.roughness), (glam::Vec3::new(0.25, 0.5, 0.75), 0.25));
+    let normal = ((made.factors.ior - 1.0) / (made.factors.ior + 1.0)).powi(2);
+    assert!((normal - 1.0).abs() < 1e-6, "what is specular is reflected as it is");
+    // A picture: alpha is glossiness; that of the rich file has 255, 128, 255 and 0.
+    let mut rich = rich();
+    rich["meshes"][0]["primitives"][0]["material"] = json!(5);
+    let found = read(&rich).unwrap();
+    let made = material(&found, 0);
+    let map = made.metallic_roughness.as_ref().unwrap();
+    let mean = 1.0 - 0.7 * (255.0 + 128.0 + 255.0) / (4.0 * 255.0);
+    assert!((map.texture.mean().y - mean).abs() < 1e-3 && made.roughness == 1.0, "{}", map.texture.mean());
+    assert!(made.specular_colour.is_some());
+    // An index of 0 reflects all, too.
+    let ior = json!([{ "extensions": { "KHR_materials_ior": { "ior": 0 } } }]);
+    let found = read(&changed(triangle(), &[("/materials", ior)])).unwrap();
+    assert!(material(&found, 0).factors.ior > 1e6);
+}
+
+#[test]
+fn morph_targets_have_the_weights_of_the_file() {
+    let (value, up) = with_floats(triangle(), "VEC3", &[0.0, 0.0, 2.0].repeat(3));
+    let (value, right) = with_floats(value, "VEC3", &[4.0, 0.0, 0.0].repeat(3));
+    let targets = json!([{ "POSITION": up }, { "POSITION": right }]);
+    let value = changed(value, &[("/meshes/0/primitives/0/targets", targets)]);
+    let first = |value: &Value| {
+        let found = read(value).unwrap();
+        assert_eq!(warnings(&found), "");
+        corners(&found)[0][0]
+    };
+    assert_eq!(first(&value), DVec3::ZERO);
+    let value = changed(value, &[("/meshes/0/weights", json!([0.5, 0]))]);
+    assert_eq!(first(&value), DVec3::Z);
+    assert_eq!(first(&changed(value.clone(), &[("/nodes/0/weights", json!([0, 0.25]))])), DVec3::X);
+    // Nodes with weights of their own do not share the mesh.
+    let nodes = json!([{ "mesh": 0 }, { "mesh": 0, "weights": [1, 0] }, { "mesh": 0 }]);
+    let found =
+        read(&changed(value.clone(), &[("/nodes", nodes), ("/scenes/0/nodes", json!([0, 1, 2]))])).unwrap();
+    assert_eq!((found.shapes.len() - 2, found.groups.len(), found.instances.len()), (2, 1, 2));
+    assert!(read(&changed(value, &[("/nodes/0/weights", json!([1]))])).is_err());
+}
+
+/// The joints place a skinned mesh, and its node does not.
+#[test]
+fn skinned_meshes_stand_as_their_joints_do() {
+    let mut inverse = vec![1f32, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    inverse.extend_from_within(..);
+    inverse[12] = -1.0; // The first joint was at (1, 0, 0) when the mesh was bound to it.
+    let (value, bind) = with_floats(triangle(), "MAT4", &inverse);
+    let (value, weights) =
+        with_floats(value, "VEC4", &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0]);
+    let joints = json!({ "bufferView": 1, "componentType": 5121, "count": 3, "type": "VEC4" });
+    let mut value = value;
+    value["accessors"].as_array_mut().unwrap().push(joints);
+    let joints = value["accessors"].as_array().unwrap().len() - 1;
+    // Joints 0 and 1 of each vertex, in a buffer of their own.
+    let bytes = [0u8, 1, 0, 0].repeat(3);
+    value["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 12, "uri": uri(&bytes) }));
+    let buffer = value["buffers"].as_array().unwrap().len() - 1;
+    value["bufferViews"].as_array_mut().unwrap().push(json!({ "buffer": buffer, "byteLength": 12 }));
+    value["accessors"][joints]["bufferView"] = json!(value["bufferViews"].as_array().unwrap().len() - 1);
+    let attributes = json!({ "POSITION": 0, "NORMAL": 1, "JOINTS_0": joints, "WEIGHTS_0": weights });
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    let value = changed(
+        value,
+        &[
+            ("/meshes/0/primitives/0/attributes", attributes),
+            ("/skins", json!([{ "joints": [1, 3], "inverseBindMatrices": bind }])),
+            (
+                "/nodes",
+                json!([
+                    { "mesh": 0, "skin": 0, "translation": [50, 50, 50], "scale": [9, 9, 9] },
+                    { "translation": [1, 0, 5] },
+                    { "children": [3], "translation": [0, 10, 0] },
+                    { "rotation": [half, 0, 0, half] },
+                ]),
+            ),
+            ("/scenes/0/nodes", json!([0, 1, 2])),
+        ],
+    );
+    let found = read(&value).unwrap();
+    assert_eq!(warnings(&found), "");
+    assert_eq!(found.shapes[0].value.transform, DAffine3::IDENTITY);
+    // The first joint moves by 5 along z, the second to y = 10 and turns y to z.
+    let want = [DVec3::new(0.0, 0.0, 5.0), DVec3::new(1.0, 10.0, 0.0), DVec3::new(0.0, 5.5, 3.0)];
+    for (corner, want) in corners(&found)[0].into_iter().zip(want) {
+        assert!((corner - want).length() < 1e-5, "{corner} {want}");
+    }
+    let GeometryDescription::Gltf { mesh, .. } = &found.shapes[0].value.geometry else { panic!() };
+    let normals = mesh.normals.as_ref().unwrap();
+    assert!((normals[0] - glam::Vec3::Z).length() < 1e-5 && (normals[1] + glam::Vec3::Y).length() < 1e-5);
+    let off = changed(value.clone(), &[("/skins/0/joints", json!([1]))]);
+    assert!(read(&off).unwrap_err().to_string().contains("hangs on joint 1"));
+    // A skin on a mesh without joints changes nothing, and is told.
+    let attributes = json!({ "POSITION": 0, "NORMAL": 1 });
+    let found = read(&changed(value, &[("/meshes/0/primitives/0/attributes", attributes)])).unwrap();
+    assert!(warnings(&found).contains("its mesh no joints"));
+    assert_eq!(found.shapes[0].value.transform.translation, DVec3::splat(50.0));
+}
+
+#[test]
+fn quantized_positions_are_read() {
+    let bytes: Vec<u8> = [[0i16, 0, 0, 0], [32767, 0, 0, 0], [0, -32767, 0, 0]]
+        .iter()
+        .flatten()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    let mut value = triangle();
+    value["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 24, "uri": uri(&bytes) }));
+    value["bufferViews"]
+        .as_array_mut()
+        .unwrap()
+        .push(json!({ "buffer": 1, "byteLength": 24, "byteStride": 8 }));
+    for (normalized, want) in [(true, 1.0), (false, 32767.0)] {
+        value["accessors"][0] = json!({ "bufferView": 2, "componentType": 5122, "normalized": normalized, "count": 3, "type": "VEC3" });
+        let found = read(&value).unwrap();
+        assert_eq!(corners(&found), [[DVec3::ZERO, DVec3::X * want, DVec3::NEG_Y * want]]);
+        assert!(warnings(&found).contains("KHR_mesh_quantization"));
+        let declared = changed(value.clone(), &[("/extensionsUsed", json!(["KHR_mesh_quantization"]))]);
+        assert_eq!(warnings(&read(&declared).unwrap()), "");
+    }
+}
+
 #[test]
 fn cycles_and_shared_children_are_refused() {
     for nodes in [
@@ -406,5 +838,6 @@ fn counts_that_lie_take_no_memory() {
     }
     let mut zeros = changed(triangle(), &[("/accessors/0/count", huge)]);
     zeros.pointer_mut("/accessors/0").unwrap().as_object_mut().unwrap().remove("bufferView");
+    zeros["meshes"][0]["primitives"][0]["attributes"] = json!({ "POSITION": 0 });
     assert!(read(&zeros).unwrap_err().to_string().contains("without data"));
 }
