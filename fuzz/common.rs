@@ -232,7 +232,7 @@ material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = 30, axis = 
                 container.extend(kind);
                 container.extend(chunk);
             }
-            vec![text.into_bytes(), container]
+            vec![text.into_bytes(), container, include_bytes!("rich.gltf").to_vec()]
         }
         "ies" => vec![
             b"IESNA:LM-63-2002\n[TEST] a\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1.0 1.0 10\n0 45 90\n0\n100 50 0\n".to_vec(),
