@@ -330,7 +330,7 @@ fn invalid_files_are_refused_by_place() {
         ("/nodes/0/mesh", json!(7), "nodes[0].mesh"),
         (
             "/nodes/0/matrix",
-            json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 1, 1]),
+            json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 1]),
             "nodes[0] `corner`: the last row",
         ),
         (
@@ -488,7 +488,7 @@ fn every_instance_of_a_node_is_placed() {
     let corner = found.instances[124].value.transform.transform_point3(DVec3::X);
     assert!((corner - DVec3::new(104.0, 6.0, 4.0)).length() < 1e-6, "{corner}");
     let short = changed(value, &[(&format!("/accessors/{turned}/count"), json!(3))]);
-    assert!(read(&short).unwrap_err().to_string().contains("ROTATION of its instances"));
+    assert!(read(&short).unwrap_err().to_string().contains("of its instances has"));
 }
 
 #[test]
