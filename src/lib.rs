@@ -1,6 +1,6 @@
 //! Photon mapping on Embree.
 //!
-//! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`]; `embree`, `image_io`,
+//! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`]; `embree`, `image_io`,
 //! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
@@ -8,6 +8,7 @@ pub mod bsdf;
 pub mod caches;
 pub mod camera;
 pub mod embree;
+pub mod files;
 pub mod film;
 pub mod image_io;
 pub mod integrators;

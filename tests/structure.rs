@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// Rooms by layer; each may use those of its own layer and of the layers above it in this list.
 const LAYERS: [&[&str]; 9] = [
-    &["math", "sampling"],
+    &["math", "sampling", "files"],
     &["embree", "image_io", "film"],
     &["shapes", "textures", "bsdf", "media", "lights", "camera"],
     &["scene"],

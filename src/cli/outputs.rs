@@ -69,6 +69,11 @@ impl Outputs {
         Ok(())
     }
 
+    /// A text that will be written; to standard output where the name is `-`.
+    pub(crate) fn add_text(&mut self, path: &Path, what: &'static str, named: Named) -> Result<()> {
+        if image_io::is_standard_output(path) { Ok(()) } else { self.add(path, what, named) }
+    }
+
     /// None of the files that are written is one that the scene is read from.
     pub(crate) fn check_scene(&self, scene: &SceneDescription) -> Result<()> {
         let files = files_of_scene(scene).context("cannot list the files of the scene")?;

@@ -4,7 +4,8 @@ use super::outputs::{Named, Outputs};
 use super::picture::{SceneArgs, load};
 use super::progress::{Console, catch_interrupts, interrupted};
 use super::settings::{SettingsArgs, count_from_one};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
+use cardioid::files;
 use cardioid::image_io;
 use cardioid::render::{ProbeEstimator, ProbePoint, ProbeRequest, Settings, Silent, probe};
 use clap::{Args, ValueEnum};
@@ -51,7 +52,7 @@ pub(crate) struct ProbeArgs {
     #[arg(long, value_name = "N", default_value = "1024", value_parser = count_from_one)]
     samples: u32,
 
-    /// File to write; standard output where there is none.
+    /// File to write; standard output where there is none, or `-`.
     #[arg(short, long, value_name = "FILE.csv")]
     output: Option<PathBuf>,
 
@@ -90,7 +91,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
     catch_interrupts();
     let mut outputs = Outputs::new([args.scene.scene.as_path()].into_iter().chain(args.points.as_deref()));
     if let Some(output) = &args.output {
-        outputs.add(output, "the table", Named::ByUser)?;
+        outputs.add_text(output, "the table", Named::ByUser)?;
     }
     let points = points(args)?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -145,9 +146,12 @@ fn points(args: &ProbeArgs) -> Result<Vec<ProbePoint>> {
         );
     }
     if let Some(file) = &args.points {
-        let text =
-            std::fs::read_to_string(file).with_context(|| format!("cannot read {}", file.display()))?;
-        return read_points(&text, file, args.normal);
+        /// Some hundred thousand points: each takes many rays.
+        const MOST_BYTES: u64 = 64 << 20;
+        let bytes = files::read_regular(file, MOST_BYTES)
+            .with_context(|| format!("cannot read {}", file.display()))?;
+        let text = files::text_of(&bytes).map_err(|what| anyhow!("{}: {what}", file.display()))?;
+        return read_points(&String::from_utf8_lossy(&text), file, args.normal);
     }
     let from = args.from.unwrap_or_default();
     let to = args.to.unwrap_or(from);

@@ -20,11 +20,11 @@ pub(crate) struct ValidateArgs {
     #[arg(long, value_name = "N", default_value = "16", value_parser = seeds)]
     seeds: u64,
 
-    /// Page to write (Markdown); standard output where there is none.
+    /// Page to write (Markdown); standard output where there is none, or `-`.
     #[arg(short, long, value_name = "FILE.md")]
     output: Option<PathBuf>,
 
-    /// Table to write as JSON.
+    /// Table to write as JSON; `-` for standard output.
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
 
@@ -49,7 +49,7 @@ pub(super) fn run(args: &ValidateArgs) -> Result<ExitCode> {
     let mut outputs = Outputs::new([]);
     for (output, what) in [(&args.output, "the page"), (&args.json, "--json")] {
         if let Some(output) = output {
-            outputs.add(output, what, Named::ByUser)?;
+            outputs.add_text(output, what, Named::ByUser)?;
         }
     }
     let pool = rayon::ThreadPoolBuilder::new()

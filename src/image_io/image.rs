@@ -13,6 +13,8 @@ pub struct Image {
     pub layers: Vec<Layer>,
     /// Names and values of what else the file says.
     pub metadata: Vec<(String, MetadataValue)>,
+    /// What was odd about a file that was read, in words.
+    pub findings: Vec<String>,
 }
 
 /// Where in a larger picture a picture has its place: what a crop window rendered, which viewers show at that place.
@@ -32,7 +34,7 @@ impl Image {
     /// A picture without layers or metadata.
     #[must_use]
     pub const fn new(width: u32, height: u32) -> Self {
-        Self { width, height, window: None, layers: Vec::new(), metadata: Vec::new() }
+        Self { width, height, window: None, layers: Vec::new(), metadata: Vec::new(), findings: Vec::new() }
     }
 
     /// The layer of this name; the picture proper has the empty name.

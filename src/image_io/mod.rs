@@ -14,6 +14,7 @@ mod error;
 mod exr_header;
 mod image;
 mod oiio;
+mod radiance;
 mod read;
 mod tiled;
 mod write;
@@ -24,8 +25,8 @@ pub use oiio::{library_failure, library_version, load_library};
 pub use read::{DEFAULT_LIMIT, read, read_bytes, read_with_limit};
 pub use tiled::{TiledImage, set_tile_memory, take_tile_failures};
 pub use write::{
-    PngPixels, check_writable, is_same_file, is_written_by_cardioid, time_to_write_exr, write_bytes,
-    write_exr, write_png, write_text, write_with,
+    PngPixels, check_writable, is_same_file, is_standard_output, is_written_by_cardioid, time_to_write_exr,
+    write_bytes, write_exr, write_png, write_text, write_with,
 };
 
 /// Whether an attribute says how a file is stored, not what is in it: such are orders to OpenImageIO when writing, and what it

@@ -3,13 +3,15 @@
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ffi::{CStr, CString};
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, Write};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
+use crate::files::open_regular;
+
 use super::exr_header::{self, BLOCK_LIMIT, Fault};
 use super::oiio::{Failure, Input};
+use super::radiance::RadianceHeader;
 use super::{Image, ImageError, Layer, MetadataValue, is_storage};
 
 /// Most values (width times height times channels) that [`read`] takes: 4 GiB of them.
@@ -42,6 +44,8 @@ pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, Imag
     let path = path.as_ref();
     let format = recognise(path, limit)?;
     let c_path = CString::new(path.as_os_str().as_bytes()).map_err(|error| unreadable(path, error.into()))?;
+    // First, as OpenImageIO has no words for some of what this refuses.
+    let radiance = if format == FORMAT_HDR { Some(radiance_header(path)?) } else { None };
     let mut input = Input::open(&c_path, format).map_err(|failure| damaged(path, failure))?;
     let [width, height, ..] = input.size();
     let mut image = Image { window: input.window(), ..Image::new(width, height) };
@@ -55,7 +59,12 @@ pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, Imag
         }
         values += check_part(path, &input, &image, limit - values)?;
         let attributes = input.attributes();
-        let pixels = input.read().map_err(|failure| damaged(path, failure))?;
+        let mut pixels = input.read().map_err(|failure| damaged(path, failure))?;
+        if let Some(header) = &radiance {
+            let channels = input.channel_names().len();
+            header.restore(&mut pixels, channels);
+            (pixels, [image.width, image.height]) = header.order.upright(pixels, [width, height], channels);
+        }
         layers
             .add(part_name(&attributes), &input.channel_names(), &pixels)
             .map_err(|reason| ImageError::Damaged { path: path.to_owned(), reason })?;
@@ -64,6 +73,7 @@ pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, Imag
         }
     }
     image.layers = layers.finish();
+    image.findings = radiance.map(|header| header.findings).unwrap_or_default();
     Ok(image)
 }
 
@@ -80,12 +90,25 @@ pub fn read_bytes(bytes: &[u8], name: &Path, limit: u64) -> Result<Image, ImageE
 
 const FORMAT_EXR: &CStr = c"openexr";
 
+/// The header of a Radiance picture.
+fn radiance_header(path: &Path) -> Result<RadianceHeader, ImageError> {
+    let header = open_regular(path).and_then(|(file, _)| RadianceHeader::read(file));
+    let header = header.map_err(|cause| unreadable(path, cause))?;
+    if header.is_xyz {
+        let what = "a Radiance picture in CIE XYZ (`ra_xyze -r` makes one in RGB of it)";
+        return Err(ImageError::Unsupported { path: path.to_owned(), what });
+    }
+    Ok(header)
+}
+
+const FORMAT_HDR: &CStr = c"hdr";
+
 /// First bytes of a kind of file, and what OpenImageIO calls it.
 const KINDS: [(&[u8], &CStr); 9] = [
     (&exr_header::MAGIC, FORMAT_EXR),
     (b"\x89PNG\r\n\x1a\n", c"png"),
     (b"\xff\xd8\xff", c"jpeg"),
-    (b"#?", c"hdr"),
+    (b"#?", FORMAT_HDR),
     (b"II*\0", c"tiff"),
     (b"MM\0*", c"tiff"),
     (b"II+\0", c"tiff"),
@@ -95,9 +118,8 @@ const KINDS: [(&[u8], &CStr); 9] = [
 
 /// The kind of file, where it is one and does not claim more than it may.
 pub(super) fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageError> {
-    let mut file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let (mut file, _) = open_regular(path).map_err(|cause| unreadable(path, cause))?;
     let mut start = Vec::new();
-    // A folder can be opened, but not read.
     Read::by_ref(&mut file).take(8).read_to_end(&mut start).map_err(|cause| unreadable(path, cause))?;
     let kind = KINDS.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, format)| format);
     let format = match kind {

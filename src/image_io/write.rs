@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use super::atomic::{check, destination, try_beside, write_atomically};
 use super::oiio::{Failure, Sample, Spec, load_library};
 use super::{Image, ImageError, Layer, MetadataValue, Window, exr_header, is_storage};
+use crate::files::open_regular;
 
 /// Longest name of a channel that EXR allows, in bytes.
 const LONGEST_NAME: usize = 255;
@@ -21,7 +22,13 @@ const LONGEST_NAME: usize = 255;
 /// [`ImageError::Write`] where the folder is missing, full or not to be written to, or `path` is a folder or a device.
 pub fn check_writable(path: impl AsRef<Path>) -> Result<(), ImageError> {
     let path = path.as_ref();
-    check(path).map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
+    let checked = if is_standard_output(path) { Err(no_standard_output()) } else { check(path) };
+    checked.map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
+}
+
+/// Whether a path stands for standard output: `-`, as programs that write texts have it.
+pub fn is_standard_output(path: impl AsRef<Path>) -> bool {
+    path.as_ref().as_os_str() == "-"
 }
 
 /// True where both names lead to one file, through whatever links, hard ones too, or writing to both would write one file.
@@ -43,19 +50,31 @@ pub fn is_written_by_cardioid(path: impl AsRef<Path>) -> bool {
         [&exr_header::MAGIC, b"\x89PNG\r\n\x1a\n", b"\x89CPM\r\n\x1a\n", b"cardioid rounds\n"];
     const MARKS: [&[u8]; 4] = [b"cardioid/version\0", b"Software\0cardioid ", b"CPM", b"cardioid rounds"];
     let mut head = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(MARKED).read_to_end(&mut head));
+    let read = open_regular(path).and_then(|(file, _)| file.take(MARKED).read_to_end(&mut head));
     let holds = |mark: &[u8]| head.windows(mark.len()).any(|bytes| bytes == mark);
     read.is_ok() && STARTS.iter().zip(MARKS).any(|(start, mark)| head.starts_with(start) && holds(mark))
 }
 
-/// Writes a text.
+/// Why what is no text does not go there.
+fn no_standard_output() -> io::Error {
+    io::Error::other(
+        "`-` stands for standard output, which takes texts alone; name a file (`./-` for one of that name)",
+    )
+}
+
+/// Writes a text; to standard output where `path` is `-`.
 ///
 /// # Errors
 /// [`ImageError::Write`] where the system refuses. The file that was there before, if any, is then still there.
 pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
-    write_atomically(path, |mut file| file.write_all(text.as_bytes()))
-        .map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
+    let written = if is_standard_output(path) {
+        let mut out = io::stdout().lock();
+        out.write_all(text.as_bytes()).and_then(|()| out.flush())
+    } else {
+        write_atomically(path, |mut file| file.write_all(text.as_bytes()))
+    };
+    written.map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
 }
 
 /// Writes whatever `fill` writes.

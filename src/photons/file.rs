@@ -9,8 +9,8 @@
 
 use super::irradiance::{IRRADIANCE_RECORD, IrradianceMap};
 use super::{Photon, PhotonMap};
+use crate::files::open_regular;
 use crate::scene::MapKind;
-use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -69,9 +69,6 @@ pub enum PhotonFileProblem {
     /// The system.
     #[error("cannot be read: {0}; check its name and permissions")]
     Io(#[from] io::Error),
-    /// A folder, a pipe, a device.
-    #[error("is not a regular file; name a file that `cardioid photons` wrote")]
-    NotAFile,
     /// Some other file.
     #[error("is not a file of photon maps; make one with `cardioid photons SCENE -o FILE`")]
     Foreign,
@@ -232,13 +229,8 @@ impl<'a, W: Write> Section<'a, W> {
 /// With the file, what is wrong and what to do.
 pub fn read_photon_file(path: &Path) -> Result<PhotonFile, PhotonFileError> {
     let in_file = |problem| PhotonFileError { file: path.to_owned(), problem };
-    // Before it is opened: opening a pipe would wait for who writes to it.
-    let metadata = std::fs::metadata(path).map_err(|error| in_file(error.into()))?;
-    if !metadata.is_file() {
-        return Err(in_file(Problem::NotAFile));
-    }
-    let file = File::open(path).map_err(|error| in_file(error.into()))?;
-    read_photon_maps(&mut BufReader::with_capacity(1 << 18, file), metadata.len()).map_err(in_file)
+    let (file, length) = open_regular(path).map_err(|error| in_file(error.into()))?;
+    read_photon_maps(&mut BufReader::with_capacity(1 << 18, file), length).map_err(in_file)
 }
 
 /// Reads photon maps of `length` bytes in all.

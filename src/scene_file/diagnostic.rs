@@ -1,6 +1,7 @@
 //! Messages about a scene file: where, what is wrong, what to do, and the line itself.
 
 use super::description::Location;
+use crate::files::ForeignFile;
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -86,6 +87,22 @@ pub enum SceneFileError {
         bytes: u64,
         /// The longest that is read.
         limit: u64,
+    },
+    /// The file is of another kind.
+    #[error("{}: {kind}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What it is, and what to do.
+        kind: ForeignFile,
+    },
+    /// The text is not TOML.
+    #[error("{}", Several(diagnostics, *more))]
+    NotToml {
+        /// What was found, in the order of the file.
+        diagnostics: Vec<Diagnostic>,
+        /// How many errors were found beyond those.
+        more: u64,
     },
     /// The text says something wrong.
     #[error("{}", Several(diagnostics, *more))]

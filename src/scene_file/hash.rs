@@ -2,10 +2,10 @@ use super::description::{GeometryDescription, LightDescription, Named, SceneDesc
 use super::gltf::{further_files, is_gltf_file};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::obj::material_files;
+use crate::files::open_regular;
 use std::fmt::{self, Write};
-use std::fs::File;
-use std::io;
-use std::path::PathBuf;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 
 /// A hash of everything a scene is read from: its text, the values of its parameters and its mesh files, in hexadecimal.
 /// The same content gives the same hash, wherever the files are.
@@ -17,7 +17,7 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
     if scene.location.file.as_os_str() == MESH_SCENE_NAME {
         hasher.update(MESH_SCENE.as_bytes());
     } else {
-        hasher.update_reader(File::open(&*scene.location.file)?)?;
+        hasher.update_reader(open_regular(&*scene.location.file)?.0)?;
     }
     for (name, value) in parameters {
         // Lengths first, so that no two lists of parameters look alike.
@@ -37,7 +37,7 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
     if is_gltf_file(&scene.location.file) {
         // All of it is in the file.
         let mut hasher = blake3::Hasher::new();
-        hasher.update_reader(File::open(&*scene.location.file)?)?;
+        hasher.update_reader(open_regular(&*scene.location.file)?.0)?;
         hash_files(scene, &mut hasher)?;
         return Ok(hasher.finalize().to_hex().to_string());
     }
@@ -116,6 +116,15 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
     writeln!(out, " {transform:?} {flip_normal} {material} {caustic_photons:?} {emission:?} {group:?}")
 }
 
+/// The length and the content of a regular file.
+fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> io::Result<()> {
+    let (file, length) = open_regular(path)?;
+    hasher.update(&length.to_le_bytes());
+    // No more than that, as files of the system may go on for ever.
+    hasher.update_reader(file.take(length))?;
+    Ok(())
+}
+
 /// A file that a scene is read from.
 struct ReadFile {
     path: PathBuf,
@@ -162,11 +171,8 @@ pub fn files_of_scene(scene: &SceneDescription) -> io::Result<Vec<PathBuf>> {
 /// The content of all files that a scene names.
 fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Result<()> {
     for ReadFile { path, is_optional } in named_files(scene)? {
-        match File::open(path) {
-            Ok(file) => {
-                hasher.update(&file.metadata()?.len().to_le_bytes());
-                hasher.update_reader(file)?;
-            }
+        match hash_file(hasher, &path) {
+            Ok(()) => {}
             // The picture has none of its materials either, and a warning.
             Err(_) if is_optional => {
                 hasher.update(b"no file");

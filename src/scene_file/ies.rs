@@ -3,10 +3,9 @@
 //! Read are intensities of type C (polar angles from the nadir, azimuths around the vertical), with the multipliers for lamp,
 //! ballast and both together. Keywords, sizes and watts are passed over.
 
+use crate::files::{foreign_by_content, read_regular, text_of};
 use crate::lights::ProfileTable;
 use std::f64::consts::TAU;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Longest file that is read; those of makers are some ten kilobytes.
@@ -50,18 +49,7 @@ pub struct IesFile {
 pub fn read_ies(path: &Path) -> Result<IesFile, IesError> {
     let fail = |line, problem: String| IesError { path: path.to_path_buf(), line, problem };
     let unreadable = |error| fail(0, format!("cannot be read: {error}; check its name and permissions"));
-    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
-        return Err(fail(0, "is not a regular file; name an IES file".to_owned()));
-    }
-    let mut bytes = Vec::new();
-    File::open(path).map_err(unreadable)?.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    if bytes.len() as u64 > MOST_BYTES {
-        let problem = format!(
-            "is longer than {MOST_BYTES} bytes; photometric files are not, so this is something else"
-        );
-        return Err(fail(0, problem));
-    }
-    parse_ies_bytes(&bytes, path)
+    parse_ies_bytes(&read_regular(path, MOST_BYTES).map_err(unreadable)?, path)
 }
 
 /// [`read_ies`] of a file's bytes; messages call it `path`.
@@ -132,7 +120,11 @@ impl Numbers<'_> {
 }
 
 fn parse_ies(bytes: &[u8]) -> Result<IesFile, Failure> {
+    if let Some(foreign) = foreign_by_content(Path::new(""), bytes) {
+        return Err((0, foreign.to_string()));
+    }
     // Names of makers may be in any encoding; numbers are ASCII.
+    let bytes = text_of(bytes).map_err(|what| (0, what.to_owned()))?;
     let text: String =
         bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
     let mut warnings = Vec::new();

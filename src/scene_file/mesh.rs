@@ -62,6 +62,36 @@ pub struct TriangleMesh {
     pub uvs: Option<Vec<Vec2>>,
 }
 
+/// What a file of vertices without faces is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cloud {
+    /// Points, as scanners measure them.
+    Points,
+    /// Gaussian splats.
+    Splats,
+    /// Lines or points of an OBJ, or vertices that nothing uses.
+    Lines,
+}
+
+impl Cloud {
+    /// What it is and what to do.
+    pub fn explanation(self) -> &'static str {
+        match self {
+            Self::Points => {
+                "is a point cloud: it has vertices and no faces, and points have no surface to render; make a mesh of them (as Poisson \
+                 reconstruction does in MeshLab or CloudCompare)"
+            }
+            Self::Splats => {
+                "holds Gaussian splats (properties such as `f_dc_0`, `scale_0`), which have no surface to render; show it in a viewer of \
+                 splats, or extract a mesh from the same pictures"
+            }
+            Self::Lines => {
+                "has vertices and no faces (`f`), at most points and lines, which have no surface to render; export the faces of the model"
+            }
+        }
+    }
+}
+
 /// What a reader left out of a mesh or could not use. All zero for a sound file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MeshReport {
@@ -77,6 +107,14 @@ pub struct MeshReport {
     pub unusable_uvs: u64,
     /// Lines, points, curves and surfaces of an OBJ file, left out.
     pub other_elements: u64,
+    /// Vertices without a colour beside others that have one, taken for white.
+    pub colourless_vertices: u64,
+    /// Whether colours were numbers up to 255 or more where 1 was expected, and were scaled.
+    pub scaled_colours: bool,
+    /// What the file is where it has vertices and no faces.
+    pub cloud: Option<Cloud>,
+    /// Polygons that cross themselves, which have no inside to fill: fans of triangles.
+    pub crossed_polygons: u64,
     /// Bytes after the end of what the file declares, ignored.
     pub trailing_bytes: u64,
 }
@@ -90,10 +128,24 @@ impl MeshReport {
             (self.degenerate_triangles, "triangles without area dropped"),
             (self.unusable_normals, "normals that are zero, NaN or infinite replaced by those of the faces"),
             (self.unusable_uvs, "texture coordinates that are NaN or infinite replaced by zero"),
+            (self.colourless_vertices, "vertices without a colour are white"),
             (self.other_elements, "lines, points, curves or surfaces left out"),
+            (
+                self.crossed_polygons,
+                "polygons that cross themselves were filled by fans of triangles, and may overlap; triangulate them where they are made",
+            ),
             (self.trailing_bytes, "bytes after the end of the mesh ignored"),
         ];
-        counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect()
+        let mut findings: Vec<_> = counts
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect();
+        findings.extend(self.cloud.map(|cloud| format!("the file {}", cloud.explanation())));
+        if self.scaled_colours {
+            findings.push("colours are above 1, and were taken to go up to 255 (or 65535)".to_owned());
+        }
+        findings
     }
 }
 
@@ -115,15 +167,6 @@ pub fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
     // Each edge by its own size: 1e-200 does not underflow, and a needle is judged by its angle.
     let (Some(u), Some(v)) = (unit_f64(u), unit_f64(v)) else { return true };
     u.cross(v).length() <= ROUNDING
-}
-
-/// Cuts a polygon into a fan of triangles around its first corner and appends them. Right for convex polygons,
-/// and for those that all of their corners can be seen from the first; other concave polygons come out
-/// folded, and are better triangulated where they are made.
-pub fn triangulate_polygon(corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
-    if let [first, rest @ ..] = corners {
-        triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
-    }
 }
 
 /// Triangles that a thread takes at least.
@@ -220,14 +263,17 @@ impl TriangleMesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene_file::polygon::triangulate_polygon;
 
     /// A unit cube of two triangles a face, which share its eight vertices.
     fn cube(scale: f64) -> TriangleMesh {
         let corner = |i: u32| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| (f64::from(bit) - 0.5) * scale);
         let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5u32]];
         let mut triangles = Vec::new();
-        quads.iter().for_each(|quad| triangulate_polygon(quad, &mut triangles));
         let positions = Positions::Double((0..8).map(corner).collect());
+        for quad in &quads {
+            triangulate_polygon(quad, |vertex| positions.get(vertex), &mut triangles);
+        }
         TriangleMesh { positions, triangles, normals: None, uvs: None }
     }
 

@@ -4,6 +4,7 @@ use super::mesh::{MeshReport, TriangleMesh};
 use super::obj::read_obj_with;
 use super::ply::{PlyError, read_ply_with};
 use super::stl::read_stl_with;
+use crate::files::read_regular;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -60,6 +61,8 @@ pub struct MeshReading<'a> {
     pub normals: bool,
     /// Texture coordinates, where it has them.
     pub uvs: bool,
+    /// Colours of vertices and faces, where it has them.
+    pub colours: bool,
     /// Hears of how many bytes of how many have been read, from any thread; false stops.
     pub progress: &'a (dyn Fn(u64, u64) -> bool + Sync),
 }
@@ -69,13 +72,14 @@ impl std::fmt::Debug for MeshReading<'_> {
         f.debug_struct("MeshReading")
             .field("normals", &self.normals)
             .field("uvs", &self.uvs)
+            .field("colours", &self.colours)
             .finish_non_exhaustive()
     }
 }
 
 impl MeshReading<'static> {
     /// All that a file has.
-    pub const ALL: Self = Self { normals: true, uvs: true, progress: &|_, _| true };
+    pub const ALL: Self = Self { normals: true, uvs: true, colours: true, progress: &|_, _| true };
 }
 
 impl MeshReading<'_> {
@@ -129,10 +133,7 @@ pub fn read_mesh_file_with(
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, MeshFileError> {
     let fail = |problem| in_file(path, (MeshPlace::File, problem));
     let unreadable = |error| fail(format!("cannot be read: {error}; check its name and permissions"));
-    if !std::fs::metadata(path).map_err(unreadable)?.is_file() {
-        return Err(fail("is not a regular file; name a mesh file".to_owned()));
-    }
-    std::fs::read(path).map_err(unreadable)
+    read_regular(path, u64::MAX).map_err(unreadable)
 }
 
 /// A token as a message shows it.

@@ -21,12 +21,16 @@ pub fn is_mesh_file(path: &Path) -> bool {
 }
 
 /// The mesh on the ground, scaled to a size of 1, in sun and sky, with a camera that sees all of it. `parameters` are those
-/// of `scenes/mesh.toml`; `mesh` is this file. Its name in messages is the mesh's.
+/// of `scenes/mesh.toml`; `mesh` is this file, and `materials` is `one` where `material` is given alone. Its name in messages is the mesh's.
 ///
 /// # Errors
 /// As [`super::load_scene`].
 pub fn mesh_scene(mesh: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, SceneFileError> {
     let mut parameters = parameters.to_vec();
+    let is_set = |name: &str| parameters.iter().any(|(set, _)| set == name);
+    if is_set("material") && !is_set("materials") {
+        parameters.push(("materials".into(), "one".into()));
+    }
     parameters.push(("mesh".into(), mesh.to_string_lossy().into_owned()));
     let mut description = parse_scene(MESH_SCENE, Path::new(MESH_SCENE_NAME), &parameters)?;
     description.name = mesh.file_stem().unwrap_or_default().to_string_lossy().into_owned();

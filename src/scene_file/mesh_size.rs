@@ -3,8 +3,8 @@
 use super::description::{GeometryDescription, MaterialDescription, MeshNormals, SceneDescription};
 use super::gltf::{declared_gltf_size, is_gltf_file};
 use super::ply::declared_size;
+use crate::files::open_regular;
 use crate::textures::ImageTexture;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 use std::sync::Arc;
@@ -74,11 +74,7 @@ pub fn kept_textures(scene: &SceneDescription) -> u64 {
 fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
     /// Longer headers are rare, and such files small for their size.
     const HEAD: u64 = 1 << 16;
-    let metadata = std::fs::metadata(path)?;
-    if !metadata.is_file() {
-        return Err(io::ErrorKind::InvalidInput.into());
-    }
-    let length = metadata.len();
+    let (file, length) = open_regular(path)?;
     let extension = path.extension().unwrap_or_default();
     let mut size = if extension.eq_ignore_ascii_case("obj") {
         let vertices = length / OBJ_BYTES;
@@ -87,7 +83,7 @@ fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
         MeshSize { vertices, triangles: 2 * vertices, has_normals: false, reading }
     } else {
         let mut head = Vec::new();
-        File::open(path)?.take(HEAD).read_to_end(&mut head)?;
+        file.take(HEAD).read_to_end(&mut head)?;
         if extension.eq_ignore_ascii_case("stl") {
             let count = head
                 .get(80..84)

@@ -2,6 +2,7 @@
 //! [`crate::scene::Scene`] in render space.
 
 mod build;
+mod colours;
 mod description;
 mod diagnostic;
 pub mod generate;
@@ -17,6 +18,7 @@ pub mod obj;
 mod parameters;
 mod parse;
 pub mod ply;
+pub mod polygon;
 mod reader;
 mod stl;
 mod weld;

@@ -4,11 +4,14 @@
 //! A binary file says how many triangles it has, which is compared with its length before memory is taken; memory stays
 //! below 16 times that length. Its corners are read and welded on all threads.
 
-use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
+use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable};
 use super::mesh_file::{
     Failure, MeshFileError, MeshPlace, MeshReading, in_file, number, read_bytes, shown, words,
 };
+use super::polygon::triangulate_polygon;
 use super::weld::{Welded, weld};
+use crate::files::{BYTE_ORDER_MARK, foreign_by_content, text_of};
+use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::Path;
@@ -53,8 +56,18 @@ pub(super) fn parse_stl(
     reading: &MeshReading<'_>,
 ) -> Result<(TriangleMesh, MeshReport), Failure> {
     let mut report = MeshReport::default();
-    let read = if is_ascii(bytes) { read_ascii } else { read_binary };
-    let (positions, mut triangles) = read(bytes, reading, &mut report)?;
+    let (positions, mut triangles) = if is_ascii(bytes) {
+        // A binary file has a size to go by, whatever it begins with.
+        let text = text_of(bytes).map_err(|what| (MeshPlace::File, what.to_owned()))?;
+        read_ascii(&text, reading, &mut report)?
+    } else {
+        let is_named = !bytes.starts_with(b"solid");
+        let foreign = foreign_by_content(Path::new(""), bytes).filter(|_| is_named);
+        read_binary(bytes, reading, &mut report).map_err(|failure| match foreign {
+            Some(foreign) => (MeshPlace::File, format!("no STL file: it {foreign}")),
+            None => failure,
+        })?
+    };
     let positions = Positions::Single(positions);
     drop_unusable(&mut triangles, &positions, &mut report);
     Ok((TriangleMesh { positions, triangles, normals: None, uvs: None }, report))
@@ -70,7 +83,7 @@ fn declared(bytes: &[u8]) -> Option<u64> {
 fn is_ascii(bytes: &[u8]) -> bool {
     let fits =
         declared(bytes).is_some_and(|count| HEADER as u64 + RECORD as u64 * count == bytes.len() as u64);
-    let start = bytes.trim_ascii_start();
+    let start = bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes).trim_ascii_start();
     let is_solid = start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     is_solid && !fits && !bytes.iter().take(1024).any(|&byte| byte == 0)
 }
@@ -183,7 +196,9 @@ fn read_ascii(bytes: &[u8], reading: &MeshReading<'_>, report: &mut MeshReport) 
     let mut triangles = Vec::with_capacity(loops.len());
     for of in loops {
         report.short_faces += u64::from(of.len() < 3);
-        triangulate_polygon(&welded.numbers[of], &mut triangles);
+        let place = |vertex: u32| Vec3::from_array(welded.positions[vertex as usize]).as_dvec3();
+        let is_sound = triangulate_polygon(&welded.numbers[of], place, &mut triangles);
+        report.crossed_polygons += u64::from(!is_sound);
     }
     Ok((welded.positions, triangles))
 }

@@ -83,6 +83,11 @@ pub(super) fn srgb_table() -> &'static [f32; 256] {
     TABLE.get_or_init(|| std::array::from_fn(|byte| decode_srgb(byte as f32 / 255.0)))
 }
 
+/// The linear value of a number in sRGB (IEC 61966-2-1), both in `[0, 1]`.
+pub fn srgb_to_linear(x: f32) -> f32 {
+    decode_srgb(x)
+}
+
 pub(super) fn decode_srgb(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }

@@ -15,7 +15,7 @@ pub use budget::{
     DEFAULT_TEXTURE_MEMORY, TextureBudget, read_picture, read_picture_bytes, set_picture_memory,
     set_texture_memory,
 };
-pub use image::{Encoding, ImageTexture, Sampler, TEXTURE_LIMIT, Wrap};
+pub use image::{Encoding, ImageTexture, Sampler, TEXTURE_LIMIT, Wrap, srgb_to_linear};
 pub use noise::{Octaves, noise};
 pub use slot::{Glow, TextureSlot, VertexData};
 pub use solid::{Pattern, SolidTexture};

@@ -12,13 +12,13 @@
 //! with numbers little-endian.
 
 use super::RoundStatistics;
+use crate::files::open_regular;
 use crate::film::{Film, FilmError, LayerSet};
 use crate::image_io::{self, ImageError};
 use crate::integrators::Counters;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{self, BufReader, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -105,8 +105,8 @@ impl Checkpoint {
 
     /// Reads what a render of this identity left, whose films are like `empty`.
     pub(super) fn read(path: &Path, identity: &Identity, empty: [Film; 2]) -> Result<Self, CheckpointError> {
-        let file =
-            File::open(path).map_err(|error| CheckpointError::Read { path: path.to_owned(), error })?;
+        let (file, _) =
+            open_regular(path).map_err(|error| CheckpointError::Read { path: path.to_owned(), error })?;
         Self::parse(BufReader::new(file), path, Some(identity), empty)
     }
 

@@ -140,6 +140,7 @@ impl LightSource {
 fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, BuildProblem> {
     let refuse = |why| BuildProblem::NoLight { path: path.to_path_buf(), why };
     let image = read_picture(path, MOST_VALUES)?;
+    findings.extend(image.findings.iter().map(|finding| format!("{}: {finding}", path.display())));
     let layer = image.layer("").or_else(|| image.layers.first());
     let layer = layer.ok_or_else(|| refuse("the picture has no channels; name another"))?;
     let texels = colours(layer).ok_or_else(|| {

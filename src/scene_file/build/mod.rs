@@ -15,6 +15,7 @@ use super::description::{
 };
 use super::gltf::GltfError;
 use super::ies::IesError;
+use super::mesh::Cloud;
 use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
 use crate::camera::{Camera, Lens};
@@ -71,6 +72,9 @@ pub enum BuildProblem {
         .0.display()
     )]
     Fit(PathBuf),
+    /// Its file has no faces.
+    #[error("{}: {}", .0.display(), .1.explanation())]
+    Cloud(PathBuf, Cloud),
     /// Its triangles.
     #[error(transparent)]
     Triangles(#[from] TriangleError),

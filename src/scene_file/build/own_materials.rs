@@ -1,17 +1,25 @@
 //! Meshes that bring their materials: each material's faces become a shape of their own.
 
-use super::{BuildError, begin_reading, error_of, gltf_shapes};
+use super::{BuildError, BuildProblem, begin_reading, error_of, gltf_shapes};
 use crate::bsdf::{Bsdf, Form, LayeredParameters, Ward};
+use crate::image_io::{Image, ImageError, Layer};
 use crate::render::Observer;
-use crate::scene::LayeredMaterial;
-use crate::scene_file::MeshReading;
+use crate::scene::{Coverage, LayeredMaterial};
 use crate::scene_file::description::{
     EmissionDescription, GeometryDescription, MaterialDescription, MediumDescription, MeshNormals, Named,
     SceneDescription, SceneWarning, ShapeDescription,
 };
-use crate::scene_file::mesh::TriangleMesh;
-use crate::scene_file::obj::{MtlFinish, MtlMaterial, MtlPicture, ObjPart, read_mtl, read_obj_with};
-use crate::textures::{Encoding, ImageTexture, Sampler, TextureBudget, TextureSlot, VertexData, Wrap};
+use crate::scene_file::mesh::{MeshReport, TriangleMesh};
+use crate::scene_file::obj::{
+    MtlFinish, MtlMaterial, MtlPicture, NamedFile, ObjFile, ObjMesh, ObjPart, find_file, library_files,
+    read_mtl, read_obj_with,
+};
+use crate::scene_file::ply::{PlyModel, declared_look, read_ply_model};
+use crate::scene_file::{MeshFileError, MeshReading};
+use crate::textures::{
+    Encoding, ImageTexture, Sampler, TEXTURE_LIMIT, TextureBudget, TextureSlot, VertexData, Wrap,
+    read_picture,
+};
 use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec3};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -22,48 +30,35 @@ pub(super) fn take_apart(
     description: &SceneDescription,
     observer: &dyn Observer,
 ) -> Result<Option<SceneDescription>, BuildError> {
-    let has_own = |shape: &Named<ShapeDescription>| {
-        matches!(&shape.value.geometry, GeometryDescription::MeshFile { path, own_materials: true, .. }
-            if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")))
-    };
-    if !description.shapes.iter().any(|shape| has_own(shape) || gltf_shapes::is_gltf(shape)) {
+    if !description.shapes.iter().any(|shape| own_look(shape).is_some() || gltf_shapes::is_gltf(shape)) {
         return Ok(None);
     }
     let mut taken = SceneDescription { shapes: Vec::new(), ..description.clone() };
     for shape in &description.shapes {
-        match &shape.value.geometry {
-            GeometryDescription::MeshFile { path, normals, fit, .. } if has_own(shape) => {
-                let error = |problem| error_of(shape, problem);
+        match (own_look(shape), &shape.value.geometry) {
+            (Some(look), GeometryDescription::MeshFile { path, normals, fit, .. }) => {
                 begin_reading(observer, path);
                 let progress = |done, _| {
                     observer.advance(done);
                     !observer.is_cancelled()
                 };
                 let reading = MeshReading { progress: &progress, ..MeshReading::ALL };
-                let mut warn = |message: String| {
-                    let message = format!("{}: {message}", shape.name);
-                    taken.warnings.push(SceneWarning { location: shape.location.clone(), message });
+                let parts = match look {
+                    OwnLook::Obj => obj_parts(&mut taken, shape, path, &reading),
+                    OwnLook::Ply => ply_parts(&mut taken, shape, path, &reading),
                 };
-                let mut found = HashMap::new();
-                let obj = read_obj_with(path, &reading, |libraries| {
-                    found = materials_of(libraries, path, &mut warn);
-                    found.values().any(|found| found.material.picture.is_some())
-                });
-                let obj = obj.map_err(|problem| error(problem.into()))?;
-                obj.report.findings().into_iter().for_each(&mut warn);
-                let materials = add_materials(&mut taken, shape, &found, &obj.parts);
-                let parts = obj.into_meshes();
+                let parts = parts.map_err(|problem| error_of(shape, problem))?;
                 let bounds =
-                    parts.iter().fold(crate::math::Bounds3::EMPTY, |all, (_, mesh)| all.union(mesh.bounds()));
+                    parts.iter().fold(crate::math::Bounds3::EMPTY, |all, part| all.union(part.mesh.bounds()));
                 let before = match fit {
                     None => DAffine3::IDENTITY,
                     Some(fit) => {
-                        let missing = || error(super::BuildProblem::Fit(path.clone()));
+                        let missing = || error_of(shape, super::BuildProblem::Fit(path.clone()));
                         fit.transform(&bounds).ok_or_else(missing)?
                     }
                 };
-                for (material, mesh) in parts {
-                    push_part(&mut taken, shape, material, mesh, before, *normals, &materials);
+                for part in parts {
+                    push_part(&mut taken, shape, part, before, *normals);
                 }
             }
             _ if gltf_shapes::is_gltf(shape) => gltf_shapes::add(&mut taken, shape)?,
@@ -71,6 +66,178 @@ pub(super) fn take_apart(
         }
     }
     Ok(Some(taken))
+}
+
+/// Files that say what their surfaces look like.
+#[derive(Clone, Copy)]
+enum OwnLook {
+    Obj,
+    Ply,
+}
+
+/// The kind of file where the shape shows its look.
+fn own_look(shape: &Named<ShapeDescription>) -> Option<OwnLook> {
+    let GeometryDescription::MeshFile { path, own_materials: true, .. } = &shape.value.geometry else {
+        return None;
+    };
+    let extension = path.extension()?;
+    if extension.eq_ignore_ascii_case("obj") {
+        return Some(OwnLook::Obj);
+    }
+    if !extension.eq_ignore_ascii_case("ply") {
+        return None;
+    }
+    let (has_colours, textures) = declared_look(path);
+    (has_colours || !textures.is_empty()).then_some(OwnLook::Ply)
+}
+
+/// Faces of one material.
+struct Part {
+    /// What is added to the name of the shape.
+    name: Option<String>,
+    mesh: TriangleMesh,
+    colours: Option<Vec<Vec3>>,
+    look: Option<Added>,
+}
+
+/// What happened on the way, as warnings at the shape.
+fn tell(taken: &mut SceneDescription, shape: &Named<ShapeDescription>, messages: Vec<String>) {
+    let warning = |message| SceneWarning {
+        location: shape.location.clone(),
+        message: format!("{}: {message}", shape.name),
+    };
+    taken.warnings.extend(messages.into_iter().map(warning));
+}
+
+fn obj_parts(
+    taken: &mut SceneDescription,
+    shape: &Named<ShapeDescription>,
+    path: &Path,
+    reading: &MeshReading<'_>,
+) -> Result<Vec<Part>, BuildProblem> {
+    let mut messages = Vec::new();
+    let mut found = HashMap::new();
+    let obj = read_obj_with(path, reading, |libraries| {
+        found = materials_of(libraries, path, &mut messages);
+        found.values().any(|Found { material, .. }| material.picture.is_some() || material.cutout.is_some())
+    })?;
+    no_cloud(shape, path, &obj.report)?;
+    messages.extend(obj.report.findings());
+    tell(taken, shape, messages);
+    let mut materials = add_materials(taken, shape, &found, &obj);
+    let part = |ObjMesh { material, mesh, colours }| Part {
+        look: materials.remove(&material),
+        name: material,
+        mesh,
+        colours,
+    };
+    Ok(obj.into_meshes().into_iter().map(part).collect())
+}
+
+/// A file without faces that is to be fitted has nothing that could be.
+fn no_cloud(shape: &Named<ShapeDescription>, path: &Path, report: &MeshReport) -> Result<(), BuildProblem> {
+    match (report.cloud, &shape.value.geometry) {
+        (Some(cloud), GeometryDescription::MeshFile { fit: Some(_), .. }) => {
+            Err(BuildProblem::Cloud(path.to_path_buf(), cloud))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn ply_parts(
+    taken: &mut SceneDescription,
+    shape: &Named<ShapeDescription>,
+    path: &Path,
+    reading: &MeshReading<'_>,
+) -> Result<Vec<Part>, BuildProblem> {
+    let model = read_ply_model(path, reading).map_err(MeshFileError::from)?;
+    no_cloud(shape, path, &model.report)?;
+    let mut messages = model.report.findings();
+    let PlyModel { mesh, colours, textures, triangle_textures, unmapped_faces, .. } = model;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if mesh.uvs.is_none() && !textures.is_empty() {
+        messages.push(format!(
+            "the picture `{}` is not used: the file has no texture coordinates (`s t`, `u v` or `texcoord`)",
+            textures[0]
+        ));
+    }
+    if unmapped_faces > 0 && !textures.is_empty() {
+        messages.push(format!(
+            "{unmapped_faces} faces without texture coordinates show one colour of the picture"
+        ));
+    }
+    let textures = if mesh.uvs.is_some() { textures } else { Vec::new() };
+    let mut budget = TextureBudget::default();
+    let mut pictures: Vec<Option<Arc<ImageTexture>>> = Vec::new();
+    for name in &textures {
+        let file = find_file(folder, Path::new(name));
+        if !file.is_as_named {
+            messages.push(format!("the picture `{name}` is not there; {} is used", file.path.display()));
+        }
+        let texture = ImageTexture::read(&file.path, Encoding::Srgb);
+        pictures.push(match texture.and_then(|texture| budget.take(texture, &file.path)) {
+            Ok(texture) => Some(Arc::new(texture)),
+            Err(error) => {
+                messages.push(format!("the picture `{name}` is not used: {error}"));
+                None
+            }
+        });
+    }
+    // Triangles by picture, in the order in which they come.
+    let mut by_picture: Vec<(usize, Vec<[u32; 3]>)> = Vec::new();
+    match triangle_textures {
+        Some(numbers) if pictures.len() > 1 => {
+            for (&number, &triangle) in numbers.iter().zip(&mesh.triangles) {
+                let number = usize::try_from(number).unwrap_or(0);
+                match by_picture.iter_mut().find(|(of, _)| *of == number) {
+                    Some((_, triangles)) => triangles.push(triangle),
+                    None => by_picture.push((number, vec![triangle])),
+                }
+            }
+        }
+        _ => by_picture.push((0, mesh.triangles)),
+    }
+    let is_one = by_picture.len() == 1;
+    let whole = ObjFile {
+        positions: mesh.positions,
+        normals: mesh.normals,
+        uvs: mesh.uvs,
+        colours,
+        parts: by_picture
+            .iter_mut()
+            .map(|(number, triangles)| ObjPart {
+                material: (!is_one).then(|| format!("picture {number}")),
+                triangles: std::mem::take(triangles),
+                ..ObjPart::default()
+            })
+            .collect(),
+        libraries: Vec::new(),
+        report: MeshReport::default(),
+    };
+    let meshes = if is_one { whole.into_one() } else { whole.into_meshes() };
+    let mut parts = Vec::new();
+    for ((number, _), ObjMesh { material, mesh, colours }) in by_picture.into_iter().zip(meshes) {
+        let picture = pictures.get(number).cloned().flatten();
+        let plain = MtlPicture { file: PathBuf::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamped: false };
+        let look = match (picture, colours.is_some()) {
+            (Some(texture), _) => Some(Look { slot: Some(slot(&plain, texture)), ..Look::default() }),
+            (None, true) => Some(Look { is_coloured: true, ..Look::default() }),
+            (None, false) => None,
+        };
+        let look = look.map(|look| {
+            let name = match &look.slot {
+                Some(_) => textures.get(number).cloned().unwrap_or_default(),
+                None => "colours of the file".to_owned(),
+            };
+            let (has_picture, is_coloured) = (look.slot.is_some(), look.is_coloured);
+            let value = layered(Vec3::ONE, Vec3::ZERO, 1.0, look);
+            taken.materials.push(Named { name, location: shape.location.clone(), value });
+            Added { number: taken.materials.len() - 1, emission: None, has_picture, is_coloured }
+        });
+        parts.push(Part { name: material, mesh, colours, look });
+    }
+    tell(taken, shape, messages);
+    Ok(parts)
 }
 
 /// A material of a file, and the folder that its pictures are in.
@@ -83,47 +250,87 @@ struct Found {
 fn materials_of(
     libraries: &[(PathBuf, usize)],
     path: &Path,
-    warn: &mut impl FnMut(String),
+    messages: &mut Vec<String>,
 ) -> HashMap<String, Found> {
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut found = HashMap::new();
-    for (library, line) in libraries {
-        let file = folder.join(library);
-        let materials = match read_mtl(&file) {
-            Ok(materials) => materials,
-            Err(error) => {
-                warn(format!("line {line} names a file of materials that is not used: {error}"));
-                continue;
+    let mut found: HashMap<String, Found> = HashMap::new();
+    for (text, line) in libraries {
+        for NamedFile { path: file, is_as_named } in library_files(folder, text) {
+            if !is_as_named {
+                messages.push(format!(
+                    "line {line}: `{}` is not where it is named; {} is used",
+                    text.display(),
+                    file.display()
+                ));
             }
-        };
-        let unread: Vec<_> = materials.iter().flat_map(|material| &material.unread).collect();
-        if let Some((keyword, line)) = unread.first() {
-            warn(format!(
-                "{}:{line}: `{keyword}`{} not read, so surfaces look different from what was meant; write the model as glTF \
-                 for more",
-                file.display(),
-                if unread.len() == 1 {
-                    " is".to_owned()
-                } else {
-                    format!(" and {} more statements are", unread.len() - 1)
+            let materials = match read_mtl(&file) {
+                Ok(materials) => materials,
+                Err(error) => {
+                    messages.push(format!("line {line} names a file of materials that is not used: {error}"));
+                    continue;
                 }
-            ));
+            };
+            tell_unread(&file, &materials, messages);
+            let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+            for material in materials {
+                let name = material.name.clone();
+                if found.insert(name.clone(), Found { material, folder: folder.clone() }).is_some() {
+                    messages.push(format!(
+                        "{}: the material `{name}` comes twice; the last counts",
+                        file.display()
+                    ));
+                }
+            }
         }
-        let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
-        found.extend(
-            materials
-                .into_iter()
-                .map(|material| (material.name.clone(), Found { material, folder: folder.clone() })),
-        );
     }
     found
 }
 
+/// Tells what of a file of materials is not read, or is taken otherwise than it says.
+fn tell_unread(file: &Path, materials: &[MtlMaterial], messages: &mut Vec<String>) {
+    /// Keywords that are named.
+    const MOST_NAMED: usize = 8;
+    let unread: Vec<_> = materials.iter().flat_map(|material| &material.unread).collect();
+    if let Some((keyword, line)) = unread.first() {
+        let mut others: Vec<&(String, usize)> = Vec::new();
+        for entry in &unread[1..] {
+            let is_new = entry.0 != *keyword && others.iter().all(|other| other.0 != entry.0);
+            if is_new && others.len() < MOST_NAMED {
+                others.push(entry);
+            }
+        }
+        let others: Vec<_> =
+            others.iter().map(|(keyword, line)| format!("`{keyword}` in line {line}")).collect();
+        messages.push(format!(
+            "{}:{line}: `{keyword}`{} not read, so surfaces look different from what was meant{}; write the model as glTF \
+             for more",
+            file.display(),
+            if unread.len() == 1 {
+                " is".to_owned()
+            } else {
+                format!(" and {} more statements are", unread.len() - 1)
+            },
+            if others.is_empty() { String::new() } else { format!(" (also {})", others.join(", ")) }
+        ));
+    }
+    let notes: Vec<_> = materials.iter().flat_map(|material| &material.notes).collect();
+    for (index, (note, line)) in notes.iter().enumerate() {
+        if notes[..index].iter().any(|(before, _)| before == note) {
+            continue;
+        }
+        let more = notes[index + 1..].iter().filter(|(after, _)| after == note).count();
+        let more = if more == 0 { String::new() } else { format!(" ({more} more such lines)") };
+        messages.push(format!("{}:{line}: {note}{more}", file.display()));
+    }
+}
+
 /// What faces of a material get.
+#[derive(Clone)]
 struct Added {
     number: usize,
     emission: Option<EmissionDescription>,
     has_picture: bool,
+    is_coloured: bool,
 }
 
 /// Adds each material that is used, and yields their numbers by name.
@@ -131,86 +338,207 @@ fn add_materials(
     taken: &mut SceneDescription,
     shape: &Named<ShapeDescription>,
     found: &HashMap<String, Found>,
-    parts: &[ObjPart],
-) -> HashMap<String, Added> {
+    obj: &ObjFile,
+) -> HashMap<Option<String>, Added> {
     let mut added = HashMap::new();
     let mut missing = Vec::new();
-    let mut pictures: HashMap<PathBuf, Option<Arc<ImageTexture>>> = HashMap::new();
-    let mut warnings = Vec::new();
-    let mut budget = TextureBudget::default();
-    for part in parts {
-        let Some(name) = part.material.as_deref() else { continue };
-        let Some(Found { material, folder }) = found.get(name) else {
-            missing.push(name);
+    let mut pictures = Pictures::default();
+    let mut messages = Vec::new();
+    let has_colours = obj.colours.is_some();
+    for part in &obj.parts {
+        let material = part.material.as_deref().and_then(|name| found.get(name));
+        let Some(Found { material, folder }) = material else {
+            missing.extend(part.material.as_deref());
+            if has_colours {
+                let look = Look { is_coloured: true, ..Look::default() };
+                let value = layered(Vec3::ONE, Vec3::ZERO, 1.0, look);
+                let number = taken.materials.len();
+                added.insert(
+                    part.material.clone(),
+                    Added { number, emission: None, has_picture: false, is_coloured: true },
+                );
+                let name = part.material.clone().unwrap_or_else(|| "colours of the file".to_owned());
+                taken.materials.push(Named { name, location: shape.location.clone(), value });
+            }
             continue;
         };
+        let name = &material.name;
         let (usable, unusable) = usable_picture(material, part);
-        warnings.extend(unusable.map(|why| format!("{}: the picture of `{name}` {why}", shape.name)));
-        let picture = usable.and_then(|picture| {
-            let file = folder.join(&picture.file);
-            let texture = pictures.entry(file.clone()).or_insert_with(|| {
-                let texture = ImageTexture::read(&file, Encoding::Srgb);
-                match texture.and_then(|texture| budget.take(texture, &file)) {
-                    Ok(texture) => Some(Arc::new(texture)),
-                    Err(error) => {
-                        warnings
-                            .push(format!("{}: the picture of `{name}` is not used: {error}", shape.name));
-                        None
-                    }
-                }
-            });
-            texture.clone().map(|texture| slot(picture, texture))
-        });
-        let has_picture = picture.is_some();
-        let value = match (material.finish, picture) {
-            (MtlFinish::Lambert(kd), Some(slot)) => layered(kd, Vec3::ZERO, 1.0, slot),
-            (MtlFinish::Ward { diffuse, gloss, roughness }, Some(slot)) => {
-                layered(diffuse, gloss, roughness, slot)
-            }
-            (MtlFinish::Lambert(reflectance), None) => {
-                MaterialDescription::Lambert { reflectance, two_sided: true }
-            }
-            (MtlFinish::Mirror(reflectance), _) => {
-                MaterialDescription::Mirror { reflectance, two_sided: true }
-            }
-            (MtlFinish::Ward { diffuse, gloss, roughness }, None) => MaterialDescription::Glossy {
-                bsdf: Bsdf::Ward(Ward::new(diffuse, gloss, [roughness; 2], Form::Bounded)),
-                two_sided: true,
-                tangent: None,
-            },
-            (MtlFinish::Glass(ior), _) => {
-                taken.media.push(Named {
-                    name: format!("inside of {name}"),
-                    location: shape.location.clone(),
-                    value: MediumDescription { ior, absorption: DVec3::ZERO, priority: 0 },
-                });
-                MaterialDescription::Dielectric { inside: taken.media.len() - 1, outside: 0, roughness: 0.0 }
-            }
-        };
+        messages.extend(unusable.map(|why| format!("the picture of `{name}` {why}")));
+        let slot = usable.and_then(|_| pictures.slot(material, folder, &mut messages));
+        let has_picture = slot.is_some();
+        let is_clear = matches!(material.finish, MtlFinish::Glass(_) | MtlFinish::Mirror(_));
+        let is_coloured = has_colours && !has_picture && !is_clear;
+        if has_colours && !is_coloured {
+            messages.push(format!(
+                "colours of vertices are not shown on `{name}`, which has a picture or is clear"
+            ));
+        }
+        let value = description_of(
+            taken,
+            shape,
+            material,
+            Look { slot, is_coloured, is_cut: material.cutout.is_some() },
+        );
         let emission = (material.emission != Vec3::ZERO).then(|| EmissionDescription {
             radiance: material.emission.as_dvec3(),
             two_sided: false,
             photons: 1.0,
         });
-        added.insert(name.to_owned(), Added { number: taken.materials.len(), emission, has_picture });
-        taken.materials.push(Named { name: name.to_owned(), location: shape.location.clone(), value });
+        let number = taken.materials.len();
+        added.insert(part.material.clone(), Added { number, emission, has_picture, is_coloured });
+        taken.materials.push(Named { name: name.clone(), location: shape.location.clone(), value });
     }
     if let Some(first) = missing.first() {
-        warnings.push(format!(
-            "{}: {} material(s) of the file were not found, the first `{first}`; those faces have the material of \
-             the shape",
-            shape.name,
+        let instead = if has_colours { "the colours of their vertices" } else { "the material of the shape" };
+        messages.push(format!(
+            "{} material(s) of the file were not found, the first `{first}`; those faces have {instead}",
             missing.len()
         ));
     }
-    let warning = |message| SceneWarning { location: shape.location.clone(), message };
-    taken.warnings.extend(warnings.into_iter().map(warning));
+    tell(taken, shape, messages);
     added
+}
+
+/// What a material becomes.
+fn description_of(
+    taken: &mut SceneDescription,
+    shape: &Named<ShapeDescription>,
+    material: &MtlMaterial,
+    look: Look,
+) -> MaterialDescription {
+    let is_plain = look.slot.is_none() && !look.is_coloured;
+    match material.finish {
+        MtlFinish::Lambert(reflectance) if is_plain => {
+            MaterialDescription::Lambert { reflectance, two_sided: true }
+        }
+        MtlFinish::Lambert(kd) => layered(kd, Vec3::ZERO, 1.0, look),
+        MtlFinish::Mirror(reflectance) => MaterialDescription::Mirror { reflectance, two_sided: true },
+        MtlFinish::Ward { diffuse, gloss, roughness } if is_plain => MaterialDescription::Glossy {
+            bsdf: Bsdf::Ward(Ward::new(diffuse, gloss, [roughness; 2], Form::Bounded)),
+            two_sided: true,
+            tangent: None,
+        },
+        MtlFinish::Ward { diffuse, gloss, roughness } => layered(diffuse, gloss, roughness, look),
+        MtlFinish::Metallic { base, metallic, roughness, coat, coat_roughness } => {
+            let factors = LayeredParameters { base, metallic, coat, ..LayeredParameters::default() };
+            let material = LayeredMaterial { factors, roughness, coat_roughness, ..look.material() };
+            MaterialDescription::Layered { material: Arc::new(material), media: None }
+        }
+        MtlFinish::Glass(ior) => {
+            taken.media.push(Named {
+                name: format!("inside of {}", material.name),
+                location: shape.location.clone(),
+                value: MediumDescription { ior, absorption: DVec3::ZERO, priority: 0 },
+            });
+            MaterialDescription::Dielectric { inside: taken.media.len() - 1, outside: 0, roughness: 0.0 }
+        }
+    }
+}
+
+/// Pictures of a file, each read once.
+#[derive(Default)]
+struct Pictures {
+    /// By file of the colours and of the cut-out.
+    read: HashMap<(PathBuf, PathBuf), Option<Arc<ImageTexture>>>,
+    budget: TextureBudget,
+}
+
+impl Pictures {
+    /// The picture of a material, with its cut-out as alpha.
+    fn slot(
+        &mut self,
+        material: &MtlMaterial,
+        folder: &Path,
+        messages: &mut Vec<String>,
+    ) -> Option<TextureSlot> {
+        let name = &material.name;
+        let mut file = |picture: &Option<MtlPicture>| {
+            let Some(picture) = picture else { return PathBuf::new() };
+            let file = find_file(folder, &picture.file);
+            if !file.is_as_named {
+                messages.push(format!(
+                    "the picture `{}` of `{name}` is not where it is named; {} is used",
+                    picture.file.display(),
+                    file.path.display()
+                ));
+            }
+            file.path
+        };
+        let placed = material.picture.as_ref().or(material.cutout.as_ref())?;
+        let mut cutout = file(&material.cutout);
+        let same = |other: &MtlPicture| {
+            (other.scale, other.offset, other.clamped) == (placed.scale, placed.offset, placed.clamped)
+        };
+        let colours = file(&material.picture);
+        if material.cutout.as_ref().is_some_and(|other| !same(other)) {
+            messages.push(format!(
+                "the cut-out (`map_d`) of `{name}` is not used: it lies otherwise than `map_Kd`"
+            ));
+            cutout = PathBuf::new();
+        }
+        let Self { read, budget } = self;
+        let texture = read.entry((colours.clone(), cutout.clone())).or_insert_with(|| {
+            let is_cut = !cutout.as_os_str().is_empty();
+            let texture = if is_cut {
+                cut_texture(&colours, &cutout)
+            } else {
+                ImageTexture::read(&colours, Encoding::Srgb)
+            };
+            let shown = if colours.as_os_str().is_empty() { &cutout } else { &colours };
+            match texture.and_then(|texture| budget.take(texture, shown)) {
+                Ok(texture) => Some(Arc::new(texture)),
+                Err(error) => {
+                    messages.push(format!("the picture of `{name}` is not used: {error}"));
+                    None
+                }
+            }
+        });
+        texture.clone().map(|texture| slot(placed, texture))
+    }
+}
+
+/// A picture with the alpha of another, or the red of that where it has no alpha; white where the first has no name.
+fn cut_texture(colours: &Path, cutout: &Path) -> Result<ImageTexture, ImageError> {
+    let cut = read_picture(cutout, TEXTURE_LIMIT)?;
+    let has_colours = !colours.as_os_str().is_empty();
+    let colours = if has_colours { Some(read_picture(colours, TEXTURE_LIMIT)?) } else { None };
+    let pixel = |image: &Image, x: u32, y: u32| {
+        let index = y as usize * image.width as usize + x as usize;
+        let layer = image.layers.first();
+        layer.and_then(|layer| layer.pixel(index)).unwrap_or_default().to_vec()
+    };
+    // Channels of an alpha that is 1 everywhere say nothing.
+    let has_alpha = cut.layers.first().is_some_and(|layer| {
+        let count = layer.channels.len();
+        matches!(count, 2 | 4) && layer.data.chunks_exact(count).any(|pixel| pixel[count - 1] < 1.0)
+    });
+    let size = colours.as_ref().unwrap_or(&cut);
+    let mut image = Image::new(size.width, size.height);
+    let mut data = Vec::with_capacity(4 * image.pixel_count());
+    for y in 0..image.height {
+        for x in 0..image.width {
+            let colour = colours.as_ref().map(|colours| pixel(colours, x, y)).unwrap_or_else(|| vec![1.0; 3]);
+            match colour.as_slice() {
+                [red, green, blue, ..] => data.extend([*red, *green, *blue]),
+                [grey, ..] => data.extend([*grey; 3]),
+                [] => data.extend([0.0; 3]),
+            }
+            // The pixel of the other picture around the middle of this one.
+            let scaled = |at: u32, of: u32, to: u32| {
+                ((2 * u64::from(at) + 1) * u64::from(to) / (2 * u64::from(of))) as u32
+            };
+            let alpha = pixel(&cut, scaled(x, image.width, cut.width), scaled(y, image.height, cut.height));
+            data.push(*if has_alpha { alpha.last() } else { alpha.first() }.unwrap_or(&1.0));
+        }
+    }
+    image.layers.push(Layer::new("", &["R", "G", "B", "A"], data));
+    Ok(ImageTexture::new(&image, Encoding::Srgb))
 }
 
 /// The picture of a material where faces of the part can show it, and what has to be told about it.
 fn usable_picture<'a>(material: &'a MtlMaterial, part: &ObjPart) -> (Option<&'a MtlPicture>, Option<String>) {
-    let Some(picture) = &material.picture else { return (None, None) };
+    let Some(picture) = material.picture.as_ref().or(material.cutout.as_ref()) else { return (None, None) };
     match material.finish {
         MtlFinish::Glass(_) | MtlFinish::Mirror(_) => {
             let why = "is not used: glass and mirrors have no diffuse part that it could colour";
@@ -244,8 +572,30 @@ fn slot(picture: &MtlPicture, texture: Arc<ImageTexture>) -> TextureSlot {
     }
 }
 
-/// A surface with a picture: diffuse, under a gloss of facets with the slope `roughness` that reflects `gloss` straight on.
-fn layered(diffuse: Vec3, gloss: Vec3, roughness: f32, slot: TextureSlot) -> MaterialDescription {
+/// What varies over a surface.
+#[derive(Default)]
+struct Look {
+    slot: Option<TextureSlot>,
+    /// Colours of vertices multiply the material.
+    is_coloured: bool,
+    /// The alpha of the picture is where the surface is.
+    is_cut: bool,
+}
+
+impl Look {
+    fn material(self) -> LayeredMaterial {
+        let is_cut = self.is_cut && self.slot.is_some();
+        LayeredMaterial {
+            base: self.slot,
+            coloured: self.is_coloured,
+            coverage: if is_cut { Coverage::Blend } else { Coverage::Whole },
+            ..LayeredMaterial::default()
+        }
+    }
+}
+
+/// A surface with a picture or colours: diffuse, under a gloss of facets with the slope `roughness` that reflects `gloss` straight on.
+fn layered(diffuse: Vec3, gloss: Vec3, roughness: f32, look: Look) -> MaterialDescription {
     let factors = LayeredParameters { base: diffuse, metallic: 0.0, ..LayeredParameters::default() };
     // Reflectance of the index that is the default.
     let plain = ((factors.ior - 1.0) / (factors.ior + 1.0)).powi(2);
@@ -253,8 +603,7 @@ fn layered(diffuse: Vec3, gloss: Vec3, roughness: f32, slot: TextureSlot) -> Mat
     let material = LayeredMaterial {
         factors: LayeredParameters { specular, specular_colour: gloss / plain, ..factors },
         roughness: roughness.sqrt(),
-        base: Some(slot),
-        ..LayeredMaterial::default()
+        ..look.material()
     };
     MaterialDescription::Layered { material: Arc::new(material), media: None }
 }
@@ -263,25 +612,27 @@ fn layered(diffuse: Vec3, gloss: Vec3, roughness: f32, slot: TextureSlot) -> Mat
 fn push_part(
     taken: &mut SceneDescription,
     shape: &Named<ShapeDescription>,
-    material: Option<String>,
-    mut mesh: TriangleMesh,
+    part: Part,
     before: DAffine3,
     normals: MeshNormals,
-    materials: &HashMap<String, Added>,
 ) {
+    let Part { name, mut mesh, colours, look } = part;
     if mesh.triangles.is_empty() {
         return;
     }
-    let own = material.as_ref().and_then(|name| materials.get(name));
-    let uvs = mesh.uvs.take().filter(|_| own.is_some_and(|own| own.has_picture));
-    let loaded = match uvs {
-        None => GeometryDescription::Loaded { mesh: Arc::new(mesh), normals, before },
-        Some(uvs) => {
-            let data = VertexData { uvs: [uvs, Vec::new()], ..VertexData::default() };
-            GeometryDescription::Gltf {
-                mesh: gltf_shapes::with_normals(&Arc::new(mesh), normals),
-                data: Arc::new(data),
-            }
+    let uvs = mesh.uvs.take().filter(|_| look.as_ref().is_some_and(|look| look.has_picture));
+    let colours = colours.filter(|_| look.as_ref().is_some_and(|look| look.is_coloured));
+    let loaded = if uvs.is_none() && colours.is_none() {
+        GeometryDescription::Loaded { mesh: Arc::new(mesh), normals, before }
+    } else {
+        let data = VertexData {
+            uvs: [uvs.unwrap_or_default(), Vec::new()],
+            colours: colours.into_iter().flatten().map(|colour| colour.extend(1.0)).collect(),
+            ..VertexData::default()
+        };
+        GeometryDescription::Gltf {
+            mesh: gltf_shapes::with_normals(&Arc::new(mesh), normals),
+            data: Arc::new(data),
         }
     };
     let transform = match &loaded {
@@ -289,16 +640,16 @@ fn push_part(
         _ => shape.value.transform,
     };
     taken.shapes.push(Named {
-        name: match &material {
-            Some(material) => format!("{} ({material})", shape.name),
+        name: match &name {
+            Some(name) => format!("{} ({name})", shape.name),
             None => shape.name.clone(),
         },
         location: shape.location.clone(),
         value: ShapeDescription {
             geometry: loaded,
             transform,
-            material: own.map_or(shape.value.material, |own| own.number),
-            emission: shape.value.emission.or_else(|| own.and_then(|own| own.emission)),
+            material: look.as_ref().map_or(shape.value.material, |look| look.number),
+            emission: shape.value.emission.or_else(|| look.and_then(|look| look.emission)),
             ..shape.value.clone()
         },
     });

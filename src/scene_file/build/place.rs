@@ -79,12 +79,19 @@ impl Source {
         let source = match description {
             GeometryDescription::MeshFile { path, normals, fit, .. } => {
                 // Surfaces have no use for texture coordinates.
-                let reading =
-                    MeshReading { normals: *normals == MeshNormals::FromFile, uvs: false, progress };
+                let reading = MeshReading {
+                    normals: *normals == MeshNormals::FromFile,
+                    uvs: false,
+                    colours: false,
+                    progress,
+                };
                 let (mut mesh, found) = read_mesh_file_with(path, &reading)?;
                 report = found;
                 choose_normals(&mut mesh, *normals);
                 let source = Self::mesh(mesh);
+                if let (Some(_), Some(cloud)) = (fit, report.cloud) {
+                    return Err(BuildProblem::Cloud(path.clone(), cloud));
+                }
                 if let (Some(fit), Self::Mesh(_, bounds)) = (fit, &source) {
                     before = fit.transform(bounds).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
                 }

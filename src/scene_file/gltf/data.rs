@@ -9,7 +9,6 @@ use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use gltf::accessor::{DataType, Dimensions};
 use gltf::buffer;
 use std::borrow::Cow;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
@@ -95,13 +94,8 @@ fn leaves(path: &Path) -> bool {
 fn read_file(path: &Path, length: u64) -> Result<Vec<u8>, String> {
     let shown = path.display();
     let unreadable = |error| format!("{shown} cannot be read: {error}; put it there");
-    let mut file = File::open(path).map_err(unreadable)?;
-    let metadata = file.metadata().map_err(unreadable)?;
-    if !metadata.is_file() {
-        return Err(format!("{shown} is not a regular file"));
-    }
-    if metadata.len() < length {
-        let has = metadata.len();
+    let (mut file, has) = crate::files::open_regular(path).map_err(unreadable)?;
+    if has < length {
         return Err(format!(
             "{shown} has {has} bytes, and {length} are declared; it is cut off or another file"
         ));

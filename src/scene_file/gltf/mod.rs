@@ -34,6 +34,7 @@ use super::description::{
     ShapeDescription,
 };
 use super::diagnostic::suggestion;
+use crate::files::read_regular;
 use crate::render::{MemoryError, MemoryEstimate, Overrides};
 use crate::textures::VertexData;
 use glam::{DAffine3, DVec3};
@@ -203,7 +204,7 @@ pub(super) fn gltf_model(path: &Path) -> Result<SceneDescription, GltfError> {
 
 /// Files beside this one that it names, as far as they are there.
 pub(super) fn further_files(path: &Path) -> Vec<PathBuf> {
-    let Ok(bytes) = std::fs::read(path) else { return Vec::new() };
+    let Ok(bytes) = read_regular(path, u64::MAX) else { return Vec::new() };
     let folder = path.parent().unwrap_or(Path::new(""));
     let value =
         container::split(&bytes).ok().and_then(|parts| serde_json::from_slice::<Value>(parts.json).ok());
@@ -224,10 +225,7 @@ pub(super) fn further_files(path: &Path) -> Vec<PathBuf> {
 
 fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     let io = |error: std::io::Error| (String::new(), GltfProblem::from(error));
-    if !std::fs::metadata(path).map_err(io)?.is_file() {
-        return fail("", "not a regular file; name a .gltf or .glb file");
-    }
-    std::fs::read(path).map_err(io)
+    read_regular(path, u64::MAX).map_err(io)
 }
 
 fn load(

@@ -5,16 +5,22 @@
 //! Own, as the crates on offer tell no line of what is wrong. What a file declares by its indices is checked against what it
 //! has given before; memory stays below 64 times its length.
 
+mod files;
 mod mtl;
 mod piece;
 
+pub(super) use files::{NamedFile, find_file, library_files};
 pub use mtl::{MtlFinish, MtlMaterial, MtlPicture, parse_mtl_bytes, read_mtl};
 
+use super::colours::reflectances;
 use super::keyed::Keyed;
-use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable, triangulate_polygon};
+use super::mesh::{Cloud, MeshReport, Positions, TriangleMesh, drop_unusable};
 use super::mesh_file::{Failure, MeshFileError, MeshPlace, MeshReading, in_file, read_bytes, words};
+use super::ply::declared_look;
+use super::polygon::triangulate_polygon;
+use crate::files::{foreign_by_content, read_regular, text_of};
 use glam::{Vec2, Vec3};
-use piece::{Corner, NONE, parse_pieces};
+use piece::{COLOURLESS, Corner, NONE, parse_pieces};
 use std::collections::HashMap;
 use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
@@ -32,6 +38,17 @@ pub struct ObjPart {
     pub unmapped_faces: u64,
 }
 
+/// The faces of one material as a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObjMesh {
+    /// Name of the material; `None` for faces before any `usemtl`.
+    pub material: Option<String>,
+    /// The mesh.
+    pub mesh: TriangleMesh,
+    /// Linear reflectances of its vertices.
+    pub colours: Option<Vec<Vec3>>,
+}
+
 /// An OBJ file as it was read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjFile {
@@ -41,6 +58,8 @@ pub struct ObjFile {
     pub normals: Option<Vec<Vec3>>,
     /// Texture coordinates of them, finite, from the lower left of a picture; zero where a face names none.
     pub uvs: Option<Vec<Vec2>>,
+    /// Linear reflectances of them, of what stands after their positions in sRGB; white where a vertex has none.
+    pub colours: Option<Vec<Vec3>>,
     /// By material, in the order of the file.
     pub parts: Vec<ObjPart>,
     /// Files of materials, relative to the OBJ's folder, and the lines that name them.
@@ -75,26 +94,35 @@ pub fn parse_obj_bytes(bytes: &[u8], path: &Path) -> Result<ObjFile, MeshFileErr
     parse_obj(bytes, &MeshReading::ALL, |_| true).map_err(|failure| in_file(path, failure))
 }
 
-/// The files of materials that an OBJ names, and the pictures that these name; none for other files.
+/// The files of materials that an OBJ names, and the pictures that these name; the pictures that a PLY names; none for other files.
 ///
 /// # Errors
 /// Where it cannot be read.
 pub fn material_files(path: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply")) {
+        let (_, pictures) = declared_look(path);
+        return Ok(pictures.iter().map(|picture| find_file(folder, Path::new(picture)).path).collect());
+    }
     if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("obj")) {
         return Ok(Vec::new());
     }
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let bytes = std::fs::read(path)?;
-    let lines = bytes.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
+    let bytes = read_regular(path, u64::MAX)?;
+    let Ok(text) = text_of(&bytes) else { return Ok(Vec::new()) };
+    let lines = text.split(|&byte| byte == b'\n').map(<[u8]>::trim_ascii);
     let names = lines.filter(|line| words(line).next() == Some(b"mtllib"));
     let mut files = Vec::new();
     for line in names {
-        let library = folder.join(&*String::from_utf8_lossy(rest(line, b"mtllib")));
-        let materials = read_mtl(&library).unwrap_or_default();
-        let folder = library.parent().unwrap_or(Path::new("")).to_path_buf();
-        files.push(library);
-        let pictures = materials.into_iter().filter_map(|material| material.picture);
-        files.extend(pictures.map(|picture| folder.join(picture.file)));
+        let name = String::from_utf8_lossy(rest(line, b"mtllib"));
+        for library in library_files(folder, Path::new(&*name)) {
+            let materials = read_mtl(&library.path).unwrap_or_default();
+            let folder = library.path.parent().unwrap_or(Path::new("")).to_path_buf();
+            files.push(library.path);
+            let pictures = materials
+                .into_iter()
+                .flat_map(|material| material.picture.into_iter().chain(material.cutout));
+            files.extend(pictures.map(|picture| find_file(&folder, &picture.file).path));
+        }
     }
     Ok(files)
 }
@@ -108,8 +136,16 @@ impl ObjFile {
         (mesh, self.report)
     }
 
-    /// Each part as a mesh of the vertices that it uses.
-    pub fn into_meshes(self) -> Vec<(Option<String>, TriangleMesh)> {
+    /// The first part with all vertices.
+    pub(super) fn into_one(self) -> Vec<ObjMesh> {
+        let Self { positions, normals, uvs, colours, parts, .. } = self;
+        let first = parts.into_iter().next().unwrap_or_default();
+        let mesh = TriangleMesh { positions, triangles: first.triangles, normals, uvs };
+        vec![ObjMesh { material: first.material, mesh, colours }]
+    }
+
+    /// Each part as a mesh of the vertices that it uses, and their colours.
+    pub fn into_meshes(self) -> Vec<ObjMesh> {
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let mut meshes = Vec::with_capacity(self.parts.len());
         for mut part in self.parts {
@@ -128,9 +164,13 @@ impl ObjFile {
                 normals.map(|normals| used.iter().map(|&vertex| normals[vertex as usize]).collect());
             let uvs = self.uvs.as_ref();
             let uvs = uvs.map(|uvs| used.iter().map(|&vertex| uvs[vertex as usize]).collect());
+            let colours = self.colours.as_ref();
+            let colours =
+                colours.map(|colours| used.iter().map(|&vertex| colours[vertex as usize]).collect());
             used.iter().for_each(|&vertex| numbers[vertex as usize] = u32::MAX);
             let positions = Positions::Double(positions);
-            meshes.push((part.material, TriangleMesh { positions, triangles: part.triangles, normals, uvs }));
+            let mesh = TriangleMesh { positions, triangles: part.triangles, normals, uvs };
+            meshes.push(ObjMesh { material: part.material, mesh, colours });
         }
         meshes
     }
@@ -192,6 +232,11 @@ pub(super) fn parse_obj(
     reading: &MeshReading<'_>,
     wants_uvs: impl FnOnce(&[(PathBuf, usize)]) -> bool,
 ) -> Result<ObjFile, Failure> {
+    let whole = |problem| (MeshPlace::File, problem);
+    if let Some(foreign) = foreign_by_content(Path::new(""), bytes) {
+        return Err(whole(format!("no OBJ file: it {foreign}")));
+    }
+    let bytes = &*text_of(bytes).map_err(|what| whole(what.to_owned()))?;
     let mut pieces = parse_pieces(bytes, reading)?;
     let libraries: Vec<_> =
         pieces.iter_mut().flat_map(|piece| std::mem::take(&mut piece.libraries)).collect();
@@ -199,7 +244,12 @@ pub(super) fn parse_obj(
     let keeps_normals = reading.normals;
     let mut positions = Vec::with_capacity(pieces.iter().map(|piece| piece.positions.len()).sum());
     let (mut coordinates, mut normals) = (Vec::new(), Vec::new());
+    let mut colours: Vec<[f32; 3]> = Vec::new();
     for piece in &mut pieces {
+        if reading.colours && !piece.colours.is_empty() {
+            colours.resize(positions.len(), COLOURLESS);
+            colours.append(&mut piece.colours);
+        }
         positions.append(&mut piece.positions);
         coordinates.append(&mut piece.coordinates);
         normals.append(&mut piece.normals);
@@ -242,9 +292,12 @@ pub(super) fn parse_obj(
             let part = &mut parts[part];
             part.faces += 1;
             part.unmapped_faces += u64::from(keeps_uvs && !is_mapped);
-            triangulate_polygon(&numbers, &mut part.triangles);
+            let place = |vertex: u32| positions[vertices.all[vertex as usize][0] as usize];
+            let is_sound = triangulate_polygon(&numbers, place, &mut part.triangles);
+            report.crossed_polygons += u64::from(!is_sound);
         }
     }
+    let has_no_faces = parts.iter().all(|part| part.faces == 0) && !positions.is_empty();
     let Vertices { all, first, others } = vertices;
     drop((first, others));
     let of_all = |named: usize| all.iter().any(|vertex| vertex[named] != NONE);
@@ -260,12 +313,19 @@ pub(super) fn parse_obj(
         let named = all.iter().zip(normals).filter(|(vertex, _)| vertex[2] != NONE);
         report.unusable_normals = named.filter(|(_, normal)| **normal == Vec3::ZERO).count() as u64;
     }
+    let colours = (!colours.is_empty()).then(|| {
+        let of = |vertex: &Corner| colours.get(vertex[0] as usize).copied().unwrap_or(COLOURLESS);
+        reflectances(all.iter().map(of).collect(), 1.0, &mut report)
+    });
     let places = all.iter().map(|vertex| positions[vertex[0] as usize].to_array());
     let positions = Positions::Double(places.collect());
     for part in &mut parts {
         drop_unusable(&mut part.triangles, &positions, &mut report);
     }
-    Ok(ObjFile { positions, normals, uvs, parts, libraries, report })
+    if has_no_faces {
+        report.cloud = Some(Cloud::Lines);
+    }
+    Ok(ObjFile { positions, normals, uvs, colours, parts, libraries, report })
 }
 
 /// What follows the keyword.

@@ -1,8 +1,9 @@
 //! Materials of OBJ files (MTL), taken for the nearest that there is here. They were made for another kind of shading, so this
 //! is a start and no measurement.
 
-use super::super::mesh_file::{MeshFileError, MeshPlace, in_file, number, read_bytes, words};
+use super::super::mesh_file::{Failure, MeshFileError, MeshPlace, in_file, number, shown, words};
 use super::rest;
+use crate::files::{foreign_by_content, read_regular, text_of};
 use glam::{Vec2, Vec3};
 use std::path::{Path, PathBuf};
 
@@ -18,10 +19,14 @@ pub struct MtlMaterial {
     pub finish: MtlFinish,
     /// `map_Kd`: a picture that multiplies `Kd`.
     pub picture: Option<MtlPicture>,
+    /// `map_d`: a picture of where the surface is (1) and where it is not (0), by its alpha, or its red where it has none.
+    pub cutout: Option<MtlPicture>,
     /// `Ke`: emitted radiance, taken for W/(m^2 sr).
     pub emission: Vec3,
     /// Statements that would change its look and are not read, and their lines.
     pub unread: Vec<(String, usize)>,
+    /// What was taken otherwise than it says, and the lines.
+    pub notes: Vec<(&'static str, usize)>,
 }
 
 /// A picture on a surface. The point of the mesh with coordinates `uv` shows that of the picture at `scale uv + offset`, from the lower left.
@@ -53,6 +58,19 @@ pub enum MtlFinish {
         /// `sqrt(2 / (Ns + 2))`.
         roughness: f32,
     },
+    /// With `Pm` or `Pr`: the metallic-roughness model of glTF.
+    Metallic {
+        /// `Kd`.
+        base: Vec3,
+        /// `Pm`.
+        metallic: f32,
+        /// `Pr`, or that of `Ns`: the square root of the slope of facets.
+        roughness: f32,
+        /// `Pc`.
+        coat: f32,
+        /// `Pcr`.
+        coat_roughness: f32,
+    },
     /// Transparent by `d`, `Tr` or `illum`: clear glass of the index `Ni`.
     Glass(f64),
 }
@@ -62,13 +80,24 @@ pub enum MtlFinish {
 struct Values {
     ke: Vec3,
     picture: Option<MtlPicture>,
+    cutout: Option<MtlPicture>,
     unread: Vec<(String, usize)>,
-    kd: Vec3,
+    notes: Vec<(&'static str, usize)>,
+    /// With the line, where there is one.
+    kd: (Vec3, usize),
     ks: Vec3,
     ns: f64,
     ni: f64,
-    dissolve: f64,
+    /// `d` and `Tr`, with their lines.
+    dissolve: Option<(f64, usize)>,
+    transparency: Option<(f64, usize)>,
+    /// `Tf` and its line.
+    filter: Option<(Vec3, usize)>,
     illum: f64,
+    metallic: Option<f64>,
+    roughness: Option<f64>,
+    coat: f64,
+    coat_roughness: f64,
 }
 
 impl Default for Values {
@@ -76,29 +105,102 @@ impl Default for Values {
         Self {
             ke: Vec3::ZERO,
             picture: None,
+            cutout: None,
             unread: Vec::new(),
-            kd: Vec3::splat(0.8),
+            notes: Vec::new(),
+            kd: (Vec3::splat(0.8), 0),
             ks: Vec3::ZERO,
             ns: 0.0,
             ni: 1.0,
-            dissolve: 1.0,
+            dissolve: None,
+            transparency: None,
+            filter: None,
             illum: 2.0,
+            metallic: None,
+            roughness: None,
+            coat: 0.0,
+            coat_roughness: 0.0,
         }
     }
 }
 
 impl Values {
-    fn finish(&self) -> MtlFinish {
+    /// How opaque the surface is, by whichever of `d` and `Tr` can be meant.
+    fn opacity(&mut self) -> f64 {
+        const TR_ONE: &str = "`Tr 1` is taken for opaque, as MeshLab and the tools of scanners mean it; write `d 0` and `illum 4` for clear \
+                              glass";
+        /// Rounding of what programs print.
+        const SAME: f64 = 1e-3;
+        match (self.dissolve, self.transparency) {
+            (None, None) => 1.0,
+            (None, Some((tr, line))) if tr >= 1.0 => {
+                self.notes.push((TR_ONE, line));
+                1.0
+            }
+            (None, Some((tr, _))) => 1.0 - tr,
+            (Some((d, _)), Some((tr, line))) if (d + tr - 1.0).abs() > SAME => {
+                let note = if d >= 1.0 && tr >= 1.0 {
+                    TR_ONE
+                } else {
+                    "`Tr` contradicts `d` of the same material, as `d` is 1 less `Tr`: `d` counts"
+                };
+                self.notes.push((note, line));
+                d
+            }
+            (Some((d, line)), None) if d <= 0.0 && !self.is_raytraced() && self.picture.is_some() => {
+                let note = "`d 0` would hide a surface that has a picture: it is taken for opaque; write `illum 4` for clear glass";
+                self.notes.push((note, line));
+                1.0
+            }
+            (Some((d, _)), _) => d,
+        }
+    }
+
+    /// Whether `illum` asks for refraction.
+    fn is_raytraced(&self) -> bool {
+        matches!(self.illum as i64, 4 | 6 | 7 | 9)
+    }
+
+    /// What it becomes; notes what was meant otherwise.
+    fn finish(&mut self) -> MtlFinish {
         /// A surface that lets less through is a cut-out or a mistake more often than glass.
         const CLEAR: f64 = 0.5;
         /// Reflectance that counts as none.
         const DARK: f32 = 0.01;
-        let is_glass = matches!(self.illum as i64, 4 | 6 | 7 | 9);
-        if self.dissolve < CLEAR || is_glass && self.dissolve < 1.0 {
+        let opacity = self.opacity();
+        let is_glass = self.is_raytraced();
+        if let Some((filter, line)) = self.filter
+            && (opacity < CLEAR || is_glass)
+            && filter != Vec3::ONE
+        {
+            self.unread.push(("Tf".to_owned(), line));
+        }
+        if opacity < CLEAR || is_glass && opacity < 1.0 {
             return MtlFinish::Glass(if self.ni > 1.0 && self.ni < 10.0 { self.ni } else { 1.5 });
         }
+        if opacity < 1.0
+            && let Some((_, line)) = self.dissolve.or(self.transparency)
+        {
+            let note = "a surface that lets up to half of the light through is taken for opaque; write `illum 4` for clear glass";
+            self.notes.push((note, line));
+        }
         let fraction = |colour: Vec3| colour.clamp(Vec3::ZERO, Vec3::ONE);
-        let (kd, ks) = (fraction(self.kd), fraction(self.ks));
+        let (mut kd, ks) = (fraction(self.kd.0), fraction(self.ks));
+        if kd == Vec3::ZERO && self.picture.is_some() {
+            let note = "`Kd 0 0 0` would hide the picture of `map_Kd`: it is taken for white";
+            self.notes.push((note, self.kd.1));
+            kd = Vec3::ONE;
+        }
+        if self.metallic.is_some() || self.roughness.is_some() {
+            let share = |value: f64| value.clamp(0.0, 1.0) as f32;
+            return MtlFinish::Metallic {
+                base: kd,
+                metallic: share(self.metallic.unwrap_or(0.0)),
+                roughness: share(self.roughness.unwrap_or_else(|| self.slope().sqrt())),
+                coat: share(self.coat),
+                coat_roughness: share(self.coat_roughness),
+            };
+        }
         if matches!(self.illum as i64, 3 | 5) && kd.max_element() <= DARK && ks.max_element() > DARK {
             return MtlFinish::Mirror(ks);
         }
@@ -108,8 +210,12 @@ impl Values {
         }
         // Together they reflect at most all.
         let most = (kd + ks).max_element().max(1.0);
-        let roughness = (2.0 / (self.ns.max(0.0) + 2.0)).sqrt().clamp(1e-3, 1.0) as f32;
-        MtlFinish::Ward { diffuse: kd / most, gloss: ks / most, roughness }
+        MtlFinish::Ward { diffuse: kd / most, gloss: ks / most, roughness: self.slope() as f32 }
+    }
+
+    /// Slope of facets of the exponent `Ns`.
+    fn slope(&self) -> f64 {
+        (2.0 / (self.ns.max(0.0) + 2.0)).sqrt().clamp(1e-3, 1.0)
     }
 }
 
@@ -118,7 +224,11 @@ impl Values {
 /// # Errors
 /// With the file, the line, what is wrong and what to do.
 pub fn read_mtl(path: &Path) -> Result<Vec<MtlMaterial>, MeshFileError> {
-    parse_mtl_bytes(&read_bytes(path)?, path)
+    let unreadable = |error| {
+        let problem = format!("cannot be read: {error}; check its name and permissions");
+        in_file(path, (MeshPlace::File, problem))
+    };
+    parse_mtl_bytes(&read_regular(path, MOST_BYTES as u64).map_err(unreadable)?, path)
 }
 
 /// Parses the bytes of a file of materials; `path` is only for messages.
@@ -132,81 +242,97 @@ pub fn parse_mtl_bytes(bytes: &[u8], path: &Path) -> Result<Vec<MtlMaterial>, Me
             format!("{} bytes of materials, at most {MOST_BYTES} are read; remove some", bytes.len());
         return Err(fail((MeshPlace::File, problem)));
     }
+    let whole = |problem| fail((MeshPlace::File, problem));
+    if let Some(foreign) = foreign_by_content(Path::new(""), bytes) {
+        return Err(whole(format!("no file of materials: it {foreign}")));
+    }
+    let bytes = &*text_of(bytes).map_err(|what| whole(what.to_owned()))?;
     let mut materials: Vec<(String, Values)> = Vec::new();
     for (index, text) in bytes.split(|&byte| byte == b'\n').enumerate() {
         let (text, line) = (text.trim_ascii(), index + 1);
-        let mut parts = words(text);
-        let Some(keyword) = parts.next() else { continue };
-        if keyword == b"newmtl" {
+        let Some(keyword) = words(text).next() else { continue };
+        if keyword.eq_ignore_ascii_case(b"newmtl") {
             let name = String::from_utf8_lossy(rest(text, keyword)).into_owned();
             materials.push((name, Values::default()));
-            continue;
-        }
-        let Some((_, values)) = materials.last_mut() else { continue };
-        let mut value = |what: &str| {
-            let value = number(parts.next(), line, what).map_err(fail)?;
-            if value.is_finite() {
-                return Ok(value);
-            }
-            let problem = format!("{what} is not finite; mend the line");
-            Err(fail((MeshPlace::Line(line), problem)))
-        };
-        match keyword {
-            // Colours by spectral files or other coordinates keep the default.
-            b"Kd" | b"Ks" | b"Ke"
-                if !text.windows(8).any(|word| word == b"spectral")
-                    && !text.windows(3).any(|word| word == b"xyz") =>
-            {
-                let red = value("red")?;
-                let colour = match words(text).nth(2) {
-                    None => Vec3::splat(red as f32),
-                    Some(_) => Vec3::new(red as f32, value("green")? as f32, value("blue")? as f32),
-                };
-                match keyword {
-                    b"Kd" => values.kd = colour,
-                    b"Ks" => values.ks = colour,
-                    _ => values.ke = colour.max(Vec3::ZERO),
-                }
-            }
-            b"Ns" => values.ns = value("the exponent")?,
-            b"Ni" => values.ni = value("the index of refraction")?,
-            b"d" if !text.windows(5).any(|word| word == b"-halo") => values.dissolve = value("the dissolve")?,
-            b"Tr" => values.dissolve = 1.0 - value("the transparency")?,
-            b"illum" => values.illum = value("the illumination model")?,
-            b"map_Kd" => {
-                let picture = picture(rest(text, keyword));
-                let problem = "no picture is named; name one or remove the line".to_owned();
-                values.picture = Some(picture.ok_or_else(|| fail((MeshPlace::Line(line), problem)))?);
-            }
-            // That of ambient light, which is computed here.
-            b"map_Ka" => {}
-            _ if UNREAD.contains(&keyword) || keyword.starts_with(b"map_") => {
-                values.unread.push((String::from_utf8_lossy(keyword).into_owned(), line));
-            }
-            _ => {}
+        } else if let Some((_, values)) = materials.last_mut() {
+            values.statement(keyword, text, line).map_err(fail)?;
         }
     }
-    let material = |(name, values): (String, Values)| {
+    let material = |(name, mut values): (String, Values)| {
         let finish = values.finish();
-        let Values { picture, ke: emission, unread, .. } = values;
-        MtlMaterial { name, finish, picture, emission, unread }
+        let Values { picture, cutout, ke: emission, unread, notes, .. } = values;
+        MtlMaterial { name, finish, picture, cutout, emission, unread, notes }
     };
     Ok(materials.into_iter().map(material).collect())
 }
 
-/// Statements, apart from those that begin with `map_`, that change the look of a material and are not read.
-const UNREAD: [&[u8]; 11] =
-    [b"bump", b"disp", b"decal", b"refl", b"norm", b"Tf", b"Pr", b"Pm", b"Ps", b"Pc", b"aniso"];
+impl Values {
+    /// Takes in a statement after `newmtl`.
+    fn statement(&mut self, keyword: &[u8], text: &[u8], line: usize) -> Result<(), Failure> {
+        let mut parts = words(text).skip(1);
+        let mut value = |what: &str| match number(parts.next(), line, what)? {
+            value if value.is_finite() => Ok(value),
+            _ => Err((MeshPlace::Line(line), format!("{what} is not finite; mend the line"))),
+        };
+        let known = keyword.to_ascii_lowercase();
+        // Colours by spectral files or other coordinates keep the default.
+        let is_plain = !words(text).nth(1).is_some_and(|word| word == b"spectral" || word == b"xyz");
+        match known.as_slice() {
+            b"kd" | b"ks" | b"ke" | b"tf" if is_plain => {
+                let red = value("red")?;
+                let colour = match words(text).nth(2).filter(|word| !word.starts_with(b"#")) {
+                    None => Vec3::splat(red as f32),
+                    Some(_) => Vec3::new(red as f32, value("green")? as f32, value("blue")? as f32),
+                };
+                match known.as_slice() {
+                    b"kd" => self.kd = (colour, line),
+                    b"ks" => self.ks = colour,
+                    b"ke" => self.ke = colour.max(Vec3::ZERO),
+                    _ => self.filter = Some((colour, line)),
+                }
+            }
+            b"ns" => self.ns = value("the exponent")?,
+            b"ni" => self.ni = value("the index of refraction")?,
+            b"d" if words(text).nth(1) != Some(b"-halo") => {
+                self.dissolve = Some((value("the dissolve")?, line))
+            }
+            b"tr" => self.transparency = Some((value("the transparency")?, line)),
+            b"illum" => self.illum = value("the illumination model")?,
+            b"pm" => self.metallic = Some(value("the metallic share")?),
+            b"pr" => self.roughness = Some(value("the roughness")?),
+            b"pc" => self.coat = value("the clear coat")?,
+            b"pcr" => self.coat_roughness = value("the roughness of the clear coat")?,
+            b"map_kd" | b"map_d" => {
+                let picture = picture(rest(text, keyword)).ok_or_else(|| {
+                    (MeshPlace::Line(line), "no picture is named; name one or remove the line".to_owned())
+                })?;
+                let name = String::from_utf8_lossy(keyword);
+                self.unread.extend(picture.1.into_iter().map(|option| (format!("{name} {option}"), line)));
+                let of = if known == b"map_kd" { &mut self.picture } else { &mut self.cutout };
+                *of = Some(picture.0);
+            }
+            // Of no effect here: ambient light, which is computed, and how pictures are sharpened or blended.
+            b"ka" | b"km" | b"map_ka" | b"sharpness" | b"map_aat" => {}
+            // Nothing by its number.
+            b"ps" | b"aniso" | b"anisor" if value("the number")? == 0.0 => {}
+            comment if comment.starts_with(b"#") => {}
+            _ => self.unread.push((shown(keyword), line)),
+        }
+        Ok(())
+    }
+}
 
-/// What `map_Kd` says: options, and the name of the file, which may have blanks.
-fn picture(mut text: &[u8]) -> Option<MtlPicture> {
+/// What `map_Kd` says: options, and the name of the file, which may have blanks; and the options that would change it and are
+/// not read.
+fn picture(mut text: &[u8]) -> Option<(MtlPicture, Vec<&'static str>)> {
     let mut picture =
         MtlPicture { file: PathBuf::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamped: false };
+    let mut unread = Vec::new();
     while text.starts_with(b"-") {
-        let option = next_word(&mut text);
+        let option = next_word(&mut text).to_ascii_lowercase();
         // `-s`, `-o` and `-t` have one to three numbers, `-mm` two, all others one word.
         let mut numbers = [None; 3];
-        let most = match option {
+        let most = match option.as_slice() {
             b"-s" | b"-o" | b"-t" => 3,
             b"-mm" => 2,
             _ => 0,
@@ -221,19 +347,25 @@ fn picture(mut text: &[u8]) -> Option<MtlPicture> {
             text = after;
         }
         let pair = |default| Vec2::new(numbers[0].unwrap_or(default), numbers[1].unwrap_or(default));
-        match option {
+        match option.as_slice() {
             b"-s" => picture.scale = pair(1.0),
             b"-o" => picture.offset = pair(0.0),
+            b"-t" if numbers.iter().flatten().any(|&number| number != 0.0) => unread.push("-t"),
+            b"-mm" if pair(0.0) != Vec2::new(0.0, 1.0) => unread.push("-mm"),
             b"-t" | b"-mm" => {}
-            b"-clamp" => picture.clamped = next_word(&mut text) == b"on",
+            b"-clamp" => picture.clamped = next_word(&mut text).eq_ignore_ascii_case(b"on"),
+            b"-imfchan" => {
+                next_word(&mut text);
+                unread.push("-imfchan");
+            }
             _ => {
                 next_word(&mut text);
             }
         }
     }
     let name = String::from_utf8_lossy(text).replace('\\', "/");
-    picture.file = PathBuf::from(name);
-    (!picture.file.as_os_str().is_empty()).then_some(picture)
+    picture.file = PathBuf::from(name.trim_matches('"'));
+    (!picture.file.as_os_str().is_empty()).then_some((picture, unread))
 }
 
 /// Takes a word and the blanks behind it off a text.

@@ -16,6 +16,9 @@ const PIECE: usize = 1 << 20;
 /// Index of what a corner does not name.
 pub(super) const NONE: u32 = u32::MAX;
 
+/// Colour of a vertex without one.
+pub(super) const COLOURLESS: [f32; 3] = [f32::NAN; 3];
+
 /// A corner of a face: position, texture coordinate and normal, from 0, or [`NONE`].
 pub(super) type Corner = [u32; 3];
 
@@ -23,6 +26,8 @@ pub(super) type Corner = [u32; 3];
 #[derive(Default)]
 pub(super) struct Piece {
     pub(super) positions: Vec<DVec3>,
+    /// Red, green and blue of the vertices as they stand there, [`COLOURLESS`] where there are none; empty, or up to the last that has one.
+    pub(super) colours: Vec<[f32; 3]>,
     pub(super) coordinates: Vec<Vec2>,
     pub(super) normals: Vec<Vec3>,
     /// Corners of all faces, one after the other.
@@ -161,6 +166,7 @@ impl Piece {
                     *value = number(parts.next(), line, what)?;
                 }
                 self.positions.push(DVec3::from_array(position));
+                self.colour(parts);
             }
             b"vn" => {
                 let mut normal = [0.0; 3];
@@ -181,7 +187,7 @@ impl Piece {
                 let coordinate = Vec2::new(u, v);
                 self.coordinates.push(if coordinate.is_finite() { coordinate } else { Vec2::ZERO });
             }
-            b"f" => self.face(parts, line, before)?,
+            b"f" | b"fo" => self.face(parts, line, before)?,
             b"l" | b"p" | b"curv" | b"curv2" | b"surf" => self.other_elements += 1,
             b"usemtl" => {
                 let name = String::from_utf8_lossy(rest(text, keyword)).into_owned();
@@ -195,6 +201,26 @@ impl Piece {
             _ => {}
         }
         Ok(())
+    }
+
+    /// The three numbers after those of a position, as many programs write colours. A fourth is alpha; one alone is a weight, for
+    /// curves.
+    fn colour<'a>(&mut self, parts: impl Iterator<Item = &'a [u8]>) {
+        let mut colour = [0.0; 3];
+        let mut count = 0;
+        for word in parts.take_while(|word| !word.starts_with(b"#")) {
+            let Some(value) = std::str::from_utf8(word).ok().and_then(|word| word.parse::<f32>().ok()) else {
+                return;
+            };
+            if let Some(channel) = colour.get_mut(count) {
+                *channel = value;
+            }
+            count += 1;
+        }
+        if matches!(count, 3 | 4) && colour.iter().all(|channel| channel.is_finite()) {
+            self.colours.resize(self.positions.len() - 1, COLOURLESS);
+            self.colours.push(colour);
+        }
     }
 
     fn face<'a>(

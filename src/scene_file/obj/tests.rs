@@ -27,8 +27,8 @@ fn faces_normals_and_materials() {
     let normals = obj.normals.as_ref().unwrap();
     assert_eq!(obj.parts[0].triangles[0].map(|v| normals[v as usize]), [Vec3::Z; 3]);
     let meshes = obj.clone().into_meshes();
-    assert_eq!(meshes[1].1.positions.len(), 5);
-    for ((_, mesh), part) in meshes.iter().zip(&obj.parts) {
+    assert_eq!(meshes[1].mesh.positions.len(), 5);
+    for (ObjMesh { mesh, .. }, part) in meshes.iter().zip(&obj.parts) {
         for (own, whole) in mesh.triangles.iter().zip(&part.triangles) {
             assert_eq!(mesh.positions.corners(*own), obj.positions.corners(*whole));
         }
@@ -132,4 +132,68 @@ fn coordinates_are_kept_where_they_are_wanted() {
     });
     let plain = plain.unwrap();
     assert_eq!((plain.positions.len(), plain.uvs), (4, None));
+}
+
+#[test]
+fn colours_after_positions_are_read() {
+    let text = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0.5\nv 1 1 0 0.2\nv 0 1 0 0 0 1 0.5\nf 1 2 3 4\n";
+    let obj = parse(text).unwrap();
+    let colours = obj.colours.unwrap();
+    // One number is a weight, a fourth alpha.
+    assert_eq!((colours[0], colours[2], colours[3]), (Vec3::X, Vec3::ONE, Vec3::Z));
+    assert!((colours[1].z - 0.214).abs() < 1e-3);
+    assert_eq!(obj.report.colourless_vertices, 1);
+    assert_eq!(parse(&text.replace("1 0 0.5", "255 0 127.5")).unwrap().colours.unwrap()[1], colours[1]);
+    assert_eq!(parse(SQUARE).unwrap().colours, None);
+    assert_eq!(parse("v 0 0 0 # 1 0 0\nv 1 0 0 red\nv 0 1 0\nf 1 2 3\n").unwrap().colours, None);
+}
+
+#[test]
+fn statements_of_all_writers_are_read_or_told() {
+    let of = |text: &str| {
+        parse_mtl_bytes(format!("newmtl a\n{text}").as_bytes(), Path::new("a.mtl")).unwrap().remove(0)
+    };
+    let opaque = MtlFinish::Lambert(Vec3::splat(0.8));
+    for (text, finish, lines) in [
+        ("Tr 1", opaque, &[2][..]),
+        ("Tr 0", opaque, &[]),
+        ("d 1\nTr 1", opaque, &[3]),
+        ("d 1\nTr 0.2", opaque, &[3]),
+        ("d 0.7", opaque, &[2]),
+        ("d 0\nmap_Kd a.png", opaque, &[2]),
+        ("d 0\nTr 1", MtlFinish::Glass(1.5), &[]),
+        ("Tr 0.9\nNi 1.33", MtlFinish::Glass(1.33), &[]),
+        ("d 0.9\nillum 9", MtlFinish::Glass(1.5), &[]),
+        ("KD 0.8", opaque, &[]),
+        ("Kd 0 0 0\nmap_Kd a.png", MtlFinish::Lambert(Vec3::ONE), &[2]),
+        (
+            "Kd 1 1 1\nPm 1\nPr 0.3",
+            MtlFinish::Metallic {
+                base: Vec3::ONE,
+                metallic: 1.0,
+                roughness: 0.3,
+                coat: 0.0,
+                coat_roughness: 0.0,
+            },
+            &[],
+        ),
+    ] {
+        let material = of(text);
+        assert_eq!(material.finish, finish, "{text}");
+        assert_eq!(material.notes.iter().map(|(_, line)| *line).collect::<Vec<_>>(), lines, "{text}");
+        assert!(material.unread.is_empty(), "{text}: {:?}", material.unread);
+    }
+    for (text, unread) in [
+        ("d 0.1\nTf 1 0.3 0.3", &["Tf"][..]),
+        ("Tf 1 0.3 0.3", &[]),
+        ("d 0.1\nTf 1 1 1", &[]),
+        ("Ps 0\naniso 0\nsharpness 60\n# note", &[]),
+        ("Ps 0.5\nmap_Pr r.png\nKd xyz 1 1 1\nfancy 1", &["Ps", "map_Pr", "Kd", "fancy"]),
+        ("map_Kd -imfchan r -mm 0 2 -bm 0.3 -t 0 0 0 a.png", &["map_Kd -mm", "map_Kd -imfchan"]),
+    ] {
+        let mut found: Vec<_> = of(text).unread.into_iter().map(|(keyword, _)| keyword).collect();
+        found.sort_by_key(|keyword| unread.iter().position(|other| other == keyword));
+        assert_eq!(found, unread, "{text}");
+    }
+    assert_eq!(of("map_d leaf.png").cutout.unwrap().file, PathBuf::from("leaf.png"));
 }

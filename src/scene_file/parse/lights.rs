@@ -2,6 +2,7 @@
 
 use super::names::Names;
 use super::read_name;
+use crate::files::open_regular;
 use crate::lights::Cone;
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, NUMBER, SHARE, Table, Value};
@@ -106,7 +107,10 @@ fn read_direction(value: Value<'_>) -> Option<DVec3> {
 fn read_file(value: Value<'_>) -> Option<PathBuf> {
     let path = value.path()?;
     if !path.is_file() {
-        let message = format!("there is no file {}", path.display());
+        let message = match open_regular(&path) {
+            Err(error) if path.exists() => format!("{} cannot be read: {error}", path.display()),
+            _ => format!("there is no file {}", path.display()),
+        };
         let remedy = "paths are relative to the scene file, those given by `--set` to the current directory";
         value.context().error(&value.span(), message, remedy);
         return None;

@@ -16,10 +16,11 @@ mod view;
 use super::description::*;
 use super::diagnostic::{SceneFileError, SourceText};
 use super::parameters::Parameters;
-use super::reader::{Context, POSITIVE, Table, Value};
+use super::reader::{Context, Findings, POSITIVE, Table, Value};
+use crate::files::{foreign_by_content, foreign_file, open_regular, read_regular, text_of};
 use names::Names;
-use std::fs::File;
-use std::io::Read;
+use std::borrow::Cow;
+use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
@@ -40,28 +41,39 @@ const UNITS: &[(&str, f64)] =
 /// but that their files exist is checked.
 pub fn load_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, SceneFileError> {
     let fail = |source, remedy| SceneFileError::Io { path: path.to_path_buf(), source, remedy };
-    let metadata =
-        std::fs::metadata(path).map_err(|error| fail(error, "check the name of the scene file"))?;
-    if !metadata.is_file() {
-        // Also keeps pipes and devices away, which may never end.
-        let error =
-            std::io::Error::other(if metadata.is_dir() { "is a folder" } else { "not a regular file" });
-        return Err(fail(error, "name a scene file (TOML text)"));
+    let remedy = |error: &std::io::Error| match error.kind() {
+        ErrorKind::NotFound => "check the name of the scene file",
+        ErrorKind::PermissionDenied => "check the permissions of the file",
+        ErrorKind::IsADirectory | ErrorKind::InvalidInput => "name a scene file (TOML text)",
+        _ => "try again",
+    };
+    let refuse = |error| {
+        let remedy = remedy(&error);
+        fail(error, remedy)
+    };
+    let foreign = |kind| SceneFileError::Foreign { path: path.to_path_buf(), kind };
+    let (_, length) = open_regular(path).map_err(refuse)?;
+    let kind = foreign_file(path);
+    if length > MAX_TEXT_BYTES {
+        let too_long =
+            SceneFileError::TooLong { path: path.to_path_buf(), bytes: length, limit: MAX_TEXT_BYTES };
+        return Err(kind.map_or(too_long, foreign));
     }
-    let too_long = |bytes| SceneFileError::TooLong { path: path.to_path_buf(), bytes, limit: MAX_TEXT_BYTES };
-    if metadata.len() > MAX_TEXT_BYTES {
-        return Err(too_long(metadata.len()));
+    let bytes = read_regular(path, MAX_TEXT_BYTES).map_err(refuse)?;
+    // Text of any name may be a scene, but for what no scene begins with.
+    if let Some(kind) = foreign_by_content(path, &bytes) {
+        return Err(foreign(kind));
     }
-    let file = File::open(path).map_err(|error| fail(error, "check the permissions of the file"))?;
-    let mut bytes = Vec::new();
-    // The file may grow meanwhile: one byte over the limit is enough to know.
-    file.take(MAX_TEXT_BYTES + 1).read_to_end(&mut bytes).map_err(|error| fail(error, "try again"))?;
-    if bytes.len() as u64 > MAX_TEXT_BYTES {
-        return Err(too_long(bytes.len() as u64));
-    }
-    let text =
-        String::from_utf8(bytes).map_err(|error| not_utf8(path, error.as_bytes(), error.utf8_error()))?;
-    parse_scene(&text, path, parameters)
+    let bytes = text_of(&bytes).map_or(Cow::Borrowed(&*bytes), |text| text);
+    let parsed = match std::str::from_utf8(&bytes) {
+        Ok(text) => parse_scene(text, path, parameters),
+        Err(error) => Err(not_utf8(path, &bytes, error)),
+    };
+    // What is wrong in detail helps nobody where the file is of another kind.
+    parsed.map_err(|error| match (error, kind) {
+        (SceneFileError::NotToml { .. } | SceneFileError::NotUtf8 { .. }, Some(kind)) => foreign(kind),
+        (error, _) => error,
+    })
 }
 
 fn not_utf8(path: &Path, bytes: &[u8], error: std::str::Utf8Error) -> SceneFileError {
@@ -91,7 +103,8 @@ pub fn parse_scene(
     let mut context = Context::new(source, folder);
     if !syntax_errors.is_empty() {
         report_syntax(&context, &syntax_errors);
-        return Err(context.into_findings().into_error());
+        let Findings { diagnostics, more, .. } = context.into_findings();
+        return Err(SceneFileError::NotToml { diagnostics, more });
     }
     if root.get_ref().is_empty() {
         let remedy = "a scene needs at least one `[[shapes]]`; docs/scene-format.md has a complete example";

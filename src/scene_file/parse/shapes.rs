@@ -5,9 +5,11 @@ use super::names::Names;
 use super::objects::{Body, read_csg, read_flake, read_solid, read_terrain};
 use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
+use crate::files::{ForeignFile, foreign_file};
 use crate::scene::IlluminationKernel;
 use crate::scene_file::description::*;
-use crate::scene_file::mesh::{is_degenerate, triangulate_polygon};
+use crate::scene_file::mesh::is_degenerate;
+use crate::scene_file::polygon::triangulate_polygon;
 use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, SHARE, Table, Value};
 use crate::scene_file::{is_gltf_file, is_mesh_file};
 use glam::{DAffine3, DVec3};
@@ -288,8 +290,19 @@ fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
         return None;
     }
     if !(is_mesh_file(&path) || is_gltf_file(&path)) {
-        let remedy = "convert it to PLY, OBJ, STL or glTF; the name of the file must end in `.ply`, `.obj`, `.stl`, `.gltf` or `.glb`";
-        context.error(&value.span(), format!("{shown} is no mesh by its name"), remedy);
+        match foreign_file(&path) {
+            Some(ForeignFile { what, remedy }) => {
+                context.error(
+                    &value.span(),
+                    format!("{shown} is {what}, which is no mesh that is read"),
+                    remedy,
+                );
+            }
+            None => {
+                let remedy = "convert it to PLY, OBJ, STL or glTF; the name of the file must end in `.ply`, `.obj`, `.stl`, `.gltf` or `.glb`";
+                context.error(&value.span(), format!("{shown} is no mesh by its name"), remedy);
+            }
+        }
         return None;
     }
     Some(path)
@@ -335,8 +348,14 @@ fn read_faces(value: Value<'_>, positions: Option<&[DVec3]>) -> Option<Vec<[u32;
             return face.refuse("at least 3 corners", "leave the face out or complete it");
         }
         let before = triangles.len();
-        triangulate_polygon(&corners, &mut triangles);
         let Some(positions) = positions else { continue };
+        let is_sound = triangulate_polygon(&corners, |vertex| positions[vertex as usize], &mut triangles);
+        if !is_sound {
+            return face.refuse(
+                "corners in the order of its outline, which does not cross itself",
+                "cut it into faces that do not",
+            );
+        }
         let has_area = |triangle: &[u32; 3]| !is_degenerate(triangle.map(|index| positions[index as usize]));
         if !triangles[before..].iter().all(has_area) {
             return face.refuse(

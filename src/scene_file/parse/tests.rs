@@ -19,7 +19,9 @@ fn parse(text: &str) -> Result<SceneDescription, SceneFileError> {
 
 fn diagnostics(text: &str, parameters: &[(String, String)]) -> Vec<Diagnostic> {
     match parse_scene(text, Path::new(FILE), parameters) {
-        Err(SceneFileError::Invalid { diagnostics, .. }) => diagnostics,
+        Err(SceneFileError::Invalid { diagnostics, .. } | SceneFileError::NotToml { diagnostics, .. }) => {
+            diagnostics
+        }
         other => panic!("should be refused as invalid: {other:?}"),
     }
 }
@@ -605,7 +607,7 @@ fn files_that_are_no_scene_files() {
     let message = |path: &Path| load_scene(path, &[]).unwrap_err().to_string();
     let path = folder.path().join("s.toml");
     assert!(message(&path).contains("s.toml: cannot be read: ") && message(&path).contains("check the name"));
-    assert!(message(folder.path()).contains("is a folder; name a scene file"));
+    assert!(message(folder.path()).contains("is a folder and not a regular file; name a scene file"));
     std::fs::write(&path, b"name = \"x\"\n# \xff\n").unwrap();
     assert!(message(&path).contains("s.toml:2:3: not UTF-8 text (byte 0xff); "), "{}", message(&path));
     std::fs::write(&path, vec![b'#'; MAX_TEXT_BYTES as usize + 1]).unwrap();

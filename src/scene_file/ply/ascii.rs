@@ -3,7 +3,7 @@
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
 use super::header::{Element, Header, LineEnd, PropertyType, ScalarType};
-use super::layout::{Contents, Role, Roles, Vertices, checked_corner};
+use super::layout::{Contents, FaceLook, Role, Roles, Vertices, Wedges, checked_corner};
 
 /// Longest token that a message repeats, in bytes.
 const SHOWN: usize = 40;
@@ -34,17 +34,32 @@ pub(super) fn read_body(
                     Ok(())
                 })?;
             }
-            Role::Faces(list) => {
+            Role::Faces(columns) => {
                 let mut corners = Vec::new();
+                let mut look = FaceLook::default();
+                contents.wedges = columns.has_look().then(Wedges::default);
                 read_records(element, &mut lines, |record| {
                     corners.clear();
-                    for &number in record.items(list) {
+                    for &number in record.items(columns.corners) {
                         corners.push(checked_corner(number as i64, roles.vertex_count)?);
                     }
-                    contents.push_face(&corners);
+                    let value = |column: usize| record.numbers[record.starts[column]];
+                    if columns.has_look() {
+                        look.uvs.clear();
+                        look.uvs.extend(
+                            columns.uvs.iter().flat_map(|&list| record.items(list)).map(|&x| x as f32),
+                        );
+                        look.texture = columns.texture.map_or(0, |column| value(column) as i64);
+                        look.colour = columns.colour.map(|colour| colour.read(value));
+                    }
+                    contents.push_look(&corners, &look);
                     Ok(())
                 })?;
             }
+            Role::Strips(list) => read_records(element, &mut lines, |record| {
+                let strips = record.items(list).iter().map(|&number| number as i64);
+                contents.push_strips(strips, roles.vertex_count)
+            })?,
             Role::Skipped => read_records(element, &mut lines, |_| Ok(()))?,
         }
     }

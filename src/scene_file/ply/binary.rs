@@ -6,8 +6,11 @@
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
 use super::header::{ByteOrder, Element, Header, PropertyType, ScalarType};
-use super::layout::{Contents, Role, Roles, VertexColumns, Vertices, checked_corner};
+use super::layout::{
+    Contents, FaceColumns, FaceLook, Role, Roles, VertexColumns, Vertices, Wedges, checked_corner,
+};
 use crate::scene_file::mesh::Positions;
+use crate::scene_file::polygon::push_fan;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -26,7 +29,8 @@ pub(super) fn read_body(
         at = match *role {
             _ if element.count == 0 => at,
             Role::Vertices(columns) => records.read_vertices(&columns, &mut contents.vertices)?,
-            Role::Faces(list) => records.read_faces(list, roles.vertex_count, contents)?,
+            Role::Faces(columns) => records.read_faces(&columns, roles.vertex_count, contents)?,
+            Role::Strips(list) => records.read_strips(list, roles.vertex_count, contents)?,
             Role::Skipped => records.walk(|_, _, _| Ok(()))?,
         };
     }
@@ -280,32 +284,73 @@ impl<'a> Records<'a> {
         vertices.uvs = columns.uv.map(|uv| {
             records().map(|record| Vec2::from_array(uv.map(|column| single(record, column)))).collect()
         });
+        vertices.colours = columns
+            .colour
+            .map(|colour| records().map(|record| colour.read(|column| value(record, column))).collect());
         Ok(self.start + bytes.len())
     }
 
-    fn read_faces(&self, list: usize, vertex_count: u64, contents: &mut Contents) -> Result<usize, Failure> {
+    /// The numbers of a list at the start of `data`, which `walk` has found in the file.
+    fn items(&self, data: &'a [u8], list: usize) -> impl Iterator<Item = (&'a [u8], ScalarType)> {
+        let (count, item) = match self.element.properties[list].kind {
+            PropertyType::List(count, item) => (count, item),
+            // No list has no items.
+            PropertyType::Scalar(scalar) => (scalar, scalar),
+        };
+        let is_list = matches!(self.element.properties[list].kind, PropertyType::List(..));
+        let length = if is_list { read_integer(data, count, self.order) as usize } else { 0 };
+        data[count.size()..].chunks_exact(item.size()).take(length).map(move |bytes| (bytes, item))
+    }
+
+    fn read_strips(&self, list: usize, vertex_count: u64, contents: &mut Contents) -> Result<usize, Failure> {
+        self.walk(|index, record, offsets| {
+            let items = self.items(&self.bytes[offsets[list]..], list);
+            let strips = items.map(|(bytes, item)| read_integer(bytes, item, self.order));
+            contents.push_strips(strips, vertex_count).or_else(|problem| self.fail(index, record, problem))
+        })
+    }
+
+    fn read_faces(
+        &self,
+        columns: &FaceColumns,
+        vertex_count: u64,
+        contents: &mut Contents,
+    ) -> Result<usize, Failure> {
+        let list = columns.corners;
         let first = self.bytes.get(self.start..).unwrap_or_default();
-        if let Some(faces) = FixedFaces::of(self.element, list, first, self.order)
+        let is_plain = !columns.has_look() && contents.triangles.is_empty();
+        if let Some(faces) = FixedFaces::of(self.element, list, first, self.order).filter(|_| is_plain)
             && let Some(end) = self.read_fixed_faces(faces, vertex_count, contents)?
         {
             return Ok(end);
         }
-        let PropertyType::List(count, item) = self.element.properties[list].kind else {
-            return Ok(self.start);
-        };
         let mut corners = Vec::new();
+        let mut look = FaceLook::default();
+        contents.wedges = columns.has_look().then(Wedges::default);
         self.walk(|index, record, offsets| {
-            let data = &self.bytes[offsets[list]..];
-            let length = read_integer(data, count, self.order) as usize;
             corners.clear();
-            // `walk` has found the whole list in the file.
-            for bytes in data[count.size()..].chunks_exact(item.size()).take(length) {
+            for (bytes, item) in self.items(&self.bytes[offsets[list]..], list) {
                 match checked_corner(read_integer(bytes, item, self.order), vertex_count) {
                     Ok(corner) => corners.push(corner),
                     Err(problem) => return self.fail(index, record, problem),
                 }
             }
-            contents.push_face(&corners);
+            let value = |column: usize| match self.element.properties[column].kind {
+                PropertyType::Scalar(scalar) => {
+                    read_number(&self.bytes[offsets[column]..], scalar, self.order)
+                }
+                PropertyType::List(..) => 0.0,
+            };
+            if columns.has_look() {
+                look.uvs.clear();
+                if let Some(list) = columns.uvs {
+                    let items = self.items(&self.bytes[offsets[list]..], list);
+                    look.uvs.extend(items.map(|(bytes, item)| read_number(bytes, item, self.order) as f32));
+                }
+                look.texture = columns.texture.map_or(0, |column| value(column) as i64);
+                look.colour = columns.colour.map(|colour| colour.read(value));
+            }
+            contents.push_look(&corners, &look);
             Ok(())
         })
     }
@@ -350,8 +395,9 @@ impl<'a> Records<'a> {
             let mut polygon = vec![0; corners];
             for record in bytes.chunks_exact(stride) {
                 polygon.iter_mut().enumerate().for_each(|(number, corner)| *corner = at(record, number));
-                contents.push_face(&polygon);
+                push_fan(&polygon, &mut contents.triangles);
             }
+            contents.equal_polygons = Some((corners - 2, contents.triangles.len()));
         }
         Ok(Some(self.start + bytes.len()))
     }

@@ -1,5 +1,6 @@
 //! Why a PLY file was refused.
 
+use crate::files::ForeignFile;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -80,15 +81,15 @@ pub enum PlyProblem {
     /// The system could not read it.
     #[error("cannot be read: {0}; check its name and permissions")]
     Io(std::io::Error),
-    /// A folder, a pipe, a device.
-    #[error("is not a regular file; name a PLY file")]
-    NotAFile,
     /// Whoever wanted it stopped it.
     #[error("was not read to its end as reading was stopped; start again")]
     Stopped,
     /// The first line is not `ply`.
     #[error("not a PLY file: it does not begin with the line `ply`; convert the mesh to PLY")]
     NotPly,
+    /// The first bytes are those of another kind of file.
+    #[error("not a PLY file: it {0}")]
+    Foreign(ForeignFile),
     /// The header never ends.
     #[error("the header has no line `end_header`; the file is incomplete, write or copy it again")]
     NoEndOfHeader,
@@ -133,12 +134,9 @@ pub enum PlyProblem {
     NoCoordinate(&'static str),
     /// Faces without corners.
     #[error(
-        "the element `face` has no list of integers `vertex_indices` or `vertex_index`; write the faces with one"
+        "the element `face` or `tristrips` has no list of integers `vertex_indices` or `vertex_index`; write the faces with one"
     )]
     NoVertexIndices,
-    /// Triangle strips.
-    #[error("triangle strips (the element `tristrips`) are not read; write the mesh with faces")]
-    TriangleStrips,
     /// The file ends too early.
     #[error(
         "{declared} records of `{element}` are declared, but the file ends: {} {missing} bytes are missing; \

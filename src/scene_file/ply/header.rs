@@ -2,6 +2,9 @@
 
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
+use crate::files::{BYTE_ORDER_MARK, foreign_by_content};
+use crate::scene_file::mesh::Cloud;
+use std::path::Path;
 
 /// Most elements of a file, and most properties of an element: far beyond any mesh, so that a hostile header
 /// costs no time.
@@ -116,6 +119,8 @@ impl Element {
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
+    /// Names of pictures, of comments `TextureFile`, in their order.
+    pub(super) textures: Vec<String>,
     /// Offset of the first byte after the header.
     pub(super) length: usize,
     /// Number of lines of the header.
@@ -155,7 +160,12 @@ impl Header {
         let line_end = LineEnd::of(bytes);
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
-        let mut at = 0;
+        let mut textures = Vec::new();
+        let mut at = if bytes.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+        if let Some(foreign) = foreign_by_content(Path::new(""), bytes).filter(|_| !bytes.starts_with(b"ply"))
+        {
+            return Err((PlyPlace::File, PlyProblem::Foreign(foreign)));
+        }
         for number in 1.. {
             let rest = &bytes[at..];
             // Without its line end, `end_header` may be the beginning of a truncated line.
@@ -174,12 +184,13 @@ impl Header {
             }
             let words: Vec<_> = line.split_ascii_whitespace().collect();
             match words.first() {
-                None | Some(&("comment" | "obj_info")) => {}
+                None | Some(&"obj_info") => {}
+                Some(&"comment") => textures.extend(texture_of(&line)),
                 Some(&"end_header") => {
                     let Some(encoding) = encoding else {
                         return Err((PlyPlace::Line(number), PlyProblem::NoFormat("end_header".to_string())));
                     };
-                    return Ok(Self { encoding, elements, length: at, lines: number, line_end });
+                    return Ok(Self { encoding, elements, textures, length: at, lines: number, line_end });
                 }
                 Some(_) => declare(&words, number, &mut encoding, &mut elements)
                     .map_err(|problem| (PlyPlace::Line(number), problem))?,
@@ -188,9 +199,29 @@ impl Header {
         Err((PlyPlace::File, PlyProblem::NoEndOfHeader))
     }
 
+    /// What a file without faces is.
+    pub(super) fn cloud(&self) -> Cloud {
+        let has =
+            |element: &Element, name: &str| element.properties.iter().any(|property| property.name == name);
+        match self.element("vertex") {
+            Some(vertex) if has(vertex, "f_dc_0") || has(vertex, "scale_0") && has(vertex, "rot_0") => {
+                Cloud::Splats
+            }
+            _ => Cloud::Points,
+        }
+    }
+
     pub(super) fn element(&self, name: &str) -> Option<&Element> {
         self.elements.iter().find(|element| element.name == name)
     }
+}
+
+/// The name of a picture of a comment, as MeshLab and programs of photogrammetry write it; it may have blanks.
+fn texture_of(line: &str) -> Option<String> {
+    let text = line.trim().strip_prefix("comment")?.trim_start();
+    let (keyword, name) = text.split_once(char::is_whitespace)?;
+    let name = name.trim().trim_matches('"');
+    (keyword.eq_ignore_ascii_case("TextureFile") && !name.is_empty()).then(|| name.to_owned())
 }
 
 /// Takes in one line that declares something.

@@ -2,11 +2,14 @@
 
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
-use super::header::{Element, Header, Property, PropertyType};
+use super::header::{Element, Header, Property, PropertyType, ScalarType};
 use crate::math::unit;
-use crate::scene_file::mesh::{MeshReport, Positions, triangulate_polygon};
+use crate::scene_file::keyed::Keyed;
+use crate::scene_file::mesh::{MeshReport, Positions};
+use crate::scene_file::polygon::{Run, push_fan};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Names of the two texture coordinates, in the order in which they are looked for.
@@ -21,14 +24,75 @@ pub(super) struct VertexColumns {
     pub(super) is_double: bool,
     pub(super) normal: Option<[usize; 3]>,
     pub(super) uv: Option<[usize; 2]>,
+    pub(super) colour: Option<ColourColumns>,
+}
+
+/// Red, green and blue of a vertex or a face.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct ColourColumns {
+    pub(super) columns: [usize; 3],
+    scalar: ScalarType,
+}
+
+impl ColourColumns {
+    /// Names of the three, in the order in which they are looked for.
+    const NAMES: [[&str; 3]; 3] =
+        [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
+
+    fn of(element: &Element) -> Option<Self> {
+        Self::NAMES.iter().find_map(|names| {
+            let [red, green, blue] = names.map(|name| scalar(element, name));
+            let (red, scalar) = red?;
+            Some(Self { columns: [red, green?.0, blue?.0], scalar })
+        })
+    }
+
+    /// A channel as it stands in the file. Bytes have no sign here, whatever the header says.
+    fn channel(&self, value: f64) -> f32 {
+        let is_signed_byte = self.scalar == ScalarType::I8 && value < 0.0;
+        (if is_signed_byte { value + 256.0 } else { value }) as f32
+    }
+
+    /// The colour of a record.
+    pub(super) fn read(&self, value: impl Fn(usize) -> f64) -> [f32; 3] {
+        self.columns.map(|column| self.channel(value(column)))
+    }
+
+    /// What channels go up to.
+    fn most(&self) -> f32 {
+        match self.scalar {
+            ScalarType::F32 | ScalarType::F64 => 1.0,
+            ScalarType::I16 | ScalarType::U16 => 65535.0,
+            _ => 255.0,
+        }
+    }
+}
+
+/// Which properties of a face are what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct FaceColumns {
+    pub(super) corners: usize,
+    /// Two texture coordinates for each corner.
+    pub(super) uvs: Option<usize>,
+    /// Which of the pictures of the file.
+    pub(super) texture: Option<usize>,
+    pub(super) colour: Option<ColourColumns>,
+}
+
+impl FaceColumns {
+    /// Whether corners have data that is not of their vertices.
+    pub(super) fn has_look(&self) -> bool {
+        self.uvs.is_some() || self.colour.is_some()
+    }
 }
 
 /// What to do with an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Vertices(VertexColumns),
-    /// Number of the property that holds the corners.
-    Faces(usize),
+    Faces(FaceColumns),
+    /// Number of the property that holds the vertices of strips, negative numbers between these.
+    Strips(usize),
     Skipped,
 }
 
@@ -41,7 +105,8 @@ pub(super) struct Roles {
 }
 
 impl Roles {
-    pub(super) fn of(header: &Header) -> Result<Self, Failure> {
+    /// `looks` asks for colours, and for what faces have of their own.
+    pub(super) fn of(header: &Header, looks: bool) -> Result<Self, Failure> {
         let fail = |element: &Element, problem| Err((PlyPlace::Line(element.line), problem));
         let mut roles = Vec::with_capacity(header.elements.len());
         for element in &header.elements {
@@ -52,14 +117,21 @@ impl Roles {
                     return fail(element, PlyProblem::TooManyVertices { count: element.count });
                 }
                 "vertex" => match vertex_columns(element) {
-                    Ok(columns) => Role::Vertices(columns),
+                    Ok(columns) if looks => Role::Vertices(columns),
+                    Ok(columns) => Role::Vertices(VertexColumns { colour: None, ..columns }),
                     Err(problem) => return fail(element, problem),
                 },
                 "face" => match corner_list(element) {
-                    Some(list) => Role::Faces(list),
+                    Some(corners) if looks => Role::Faces(face_columns(element, corners)),
+                    Some(corners) => {
+                        Role::Faces(FaceColumns { corners, uvs: None, texture: None, colour: None })
+                    }
                     None => return fail(element, PlyProblem::NoVertexIndices),
                 },
-                "tristrips" => return fail(element, PlyProblem::TriangleStrips),
+                "tristrips" => match corner_list(element) {
+                    Some(list) => Role::Strips(list),
+                    None => return fail(element, PlyProblem::NoVertexIndices),
+                },
                 _ => Role::Skipped,
             });
         }
@@ -67,8 +139,25 @@ impl Roles {
     }
 }
 
+impl Roles {
+    /// What colours of the vertices, or of the faces, go up to.
+    pub(super) fn colour_range(&self, of_faces: bool) -> f32 {
+        let of = |role: &Role| match role {
+            Role::Vertices(columns) if !of_faces => columns.colour,
+            Role::Faces(columns) if of_faces => columns.colour,
+            _ => None,
+        };
+        self.roles.iter().find_map(of).map_or(1.0, |colour| colour.most())
+    }
+
+    /// Whether the file has faces or strips.
+    pub(super) fn have_faces(&self) -> bool {
+        self.roles.iter().any(|role| matches!(role, Role::Faces(_) | Role::Strips(_)))
+    }
+}
+
 /// Number and type of the property of that name, if it is a number.
-fn scalar(element: &Element, name: &str) -> Option<(usize, super::header::ScalarType)> {
+fn scalar(element: &Element, name: &str) -> Option<(usize, ScalarType)> {
     element.properties.iter().enumerate().find_map(|(column, property)| match property.kind {
         PropertyType::Scalar(scalar) if property.name == name => Some((column, scalar)),
         _ => None,
@@ -89,7 +178,21 @@ fn vertex_columns(element: &Element) -> Result<VertexColumns, PlyProblem> {
         is_double: position.iter().any(|(_, scalar)| !scalar.fits_f32()),
         normal,
         uv,
+        colour: ColourColumns::of(element),
     })
+}
+
+fn face_columns(element: &Element, corners: usize) -> FaceColumns {
+    let uvs = element
+        .properties
+        .iter()
+        .position(|property| property.name == "texcoord" && matches!(property.kind, PropertyType::List(..)));
+    FaceColumns {
+        corners,
+        uvs,
+        texture: scalar(element, "texnumber").map(|(column, _)| column),
+        colour: ColourColumns::of(element),
+    }
 }
 
 fn corner_list(element: &Element) -> Option<usize> {
@@ -106,11 +209,13 @@ pub(super) struct Vertices {
     pub(super) positions: Positions,
     pub(super) normals: Option<Vec<Vec3>>,
     pub(super) uvs: Option<Vec<Vec2>>,
+    /// As they stand in the file.
+    pub(super) colours: Option<Vec<[f32; 3]>>,
 }
 
 impl Default for Vertices {
     fn default() -> Self {
-        Self { positions: Positions::Single(Vec::new()), normals: None, uvs: None }
+        Self { positions: Positions::Single(Vec::new()), normals: None, uvs: None, colours: None }
     }
 }
 
@@ -126,6 +231,7 @@ impl Vertices {
             positions,
             normals: columns.normal.map(|_| Vec::with_capacity(count)),
             uvs: columns.uv.map(|_| Vec::with_capacity(count)),
+            colours: columns.colour.map(|_| Vec::with_capacity(count)),
         }
     }
 
@@ -143,13 +249,29 @@ impl Vertices {
         if let (Some(uvs), Some(uv)) = (&mut self.uvs, columns.uv) {
             uvs.push(Vec2::from_array(uv.map(|column| value(column) as f32)));
         }
+        if let (Some(colours), Some(colour)) = (&mut self.colours, columns.colour) {
+            colours.push(colour.read(&value));
+        }
+    }
+
+    /// The vertices of corners that have data of their own: number `of[i]` for corner `i`.
+    pub(super) fn gathered(self, of: &[u32]) -> Self {
+        fn of_all<T: Copy>(things: &[T], of: &[u32]) -> Vec<T> {
+            of.iter().map(|&vertex| things[vertex as usize]).collect()
+        }
+        Self {
+            positions: match &self.positions {
+                Positions::Single(positions) => Positions::Single(of_all(positions, of)),
+                Positions::Double(positions) => Positions::Double(of_all(positions, of)),
+            },
+            normals: self.normals.map(|normals| of_all(&normals, of)),
+            uvs: self.uvs.map(|uvs| of_all(&uvs, of)),
+            colours: self.colours.map(|colours| of_all(&colours, of)),
+        }
     }
 
     /// Normals to unit length, and zeros for what is of no use.
-    pub(super) fn finish(
-        mut self,
-        report: &mut MeshReport,
-    ) -> (Positions, Option<Vec<Vec3>>, Option<Vec<Vec2>>) {
+    pub(super) fn mend(&mut self, report: &mut MeshReport) {
         if let Some(normals) = &mut self.normals {
             let unusable = AtomicU64::new(0);
             normals.par_iter_mut().for_each(|normal| {
@@ -165,7 +287,49 @@ impl Vertices {
             *uv = Vec2::ZERO;
             report.unusable_uvs += 1;
         }
-        (self.positions, self.normals, self.uvs)
+    }
+}
+
+/// What the corners of a face have of their own.
+#[derive(Debug, Default)]
+pub(super) struct FaceLook {
+    /// Two numbers for each corner; other counts stand for none.
+    pub(super) uvs: Vec<f32>,
+    /// Number of the picture, from 0.
+    pub(super) texture: i64,
+    pub(super) colour: Option<[f32; 3]>,
+}
+
+/// Corners that are not vertices of the file alone: each pair of a vertex and what a face says of it.
+#[derive(Debug, Default)]
+pub(super) struct Wedges {
+    numbers: HashMap<(u32, [u32; 2], [u32; 3]), u32, Keyed>,
+    /// Their vertices.
+    pub(super) of: Vec<u32>,
+    pub(super) uvs: Vec<Vec2>,
+    /// Empty where faces have none.
+    pub(super) colours: Vec<[f32; 3]>,
+    /// By triangle.
+    pub(super) textures: Vec<i64>,
+    pub(super) unmapped_faces: u64,
+}
+
+impl Wedges {
+    fn number(&mut self, vertex: u32, corner: usize, look: &FaceLook) -> u32 {
+        let uv = match look.uvs.get(2 * corner..2 * corner + 2) {
+            Some(&[u, v]) if (u + v).is_finite() => [u, v],
+            _ => [0.0; 2],
+        };
+        let colour = look.colour.unwrap_or([f32::NAN; 3]);
+        let key = (vertex, uv.map(f32::to_bits), colour.map(f32::to_bits));
+        let next = self.of.len() as u32;
+        let number = *self.numbers.entry(key).or_insert(next);
+        if number == next {
+            self.of.push(vertex);
+            self.uvs.push(Vec2::from_array(uv));
+            self.colours.push(colour);
+        }
+        number
     }
 }
 
@@ -173,17 +337,68 @@ impl Vertices {
 #[derive(Debug, Default)]
 pub(super) struct Contents {
     pub(super) vertices: Vertices,
+    /// Of polygons as fans until all positions are known.
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Where these are, each of more than one triangle.
+    pub(super) polygons: Vec<Run>,
+    /// In their place where all are alike: how many triangles each has, and where they end.
+    pub(super) equal_polygons: Option<(usize, usize)>,
+    /// Where corners have data of their own.
+    pub(super) wedges: Option<Wedges>,
     pub(super) report: MeshReport,
 }
 
 impl Contents {
+    /// Adds a polygon with what its corners have of their own.
+    pub(super) fn push_look(&mut self, corners: &[u32], look: &FaceLook) {
+        let Some(wedges) = &mut self.wedges else { return self.push_face(corners) };
+        let numbers: Vec<u32> =
+            (0..corners.len()).map(|corner| wedges.number(corners[corner], corner, look)).collect();
+        let before = self.triangles.len();
+        self.push_face(&numbers);
+        let added = self.triangles.len() - before;
+        if let Some(wedges) = &mut self.wedges {
+            wedges.textures.extend(std::iter::repeat_n(look.texture, added));
+            wedges.unmapped_faces += u64::from(look.uvs.len() != 2 * corners.len());
+        }
+    }
+
+    /// Adds the triangles of strips: each vertex makes one with the two before it, every other time the other way round.
+    pub(super) fn push_strips(
+        &mut self,
+        strips: impl Iterator<Item = i64>,
+        vertex_count: u64,
+    ) -> Result<(), PlyProblem> {
+        let mut last: [Option<u32>; 2] = [None; 2];
+        let mut is_odd = false;
+        for index in strips {
+            if index < 0 {
+                (last, is_odd) = ([None; 2], false);
+                continue;
+            }
+            let corner = checked_corner(index, vertex_count)?;
+            if let [Some(a), Some(b)] = last {
+                let triangle = if is_odd { [b, a, corner] } else { [a, b, corner] };
+                // Repeated vertices only join strips.
+                if a != b && b != corner && a != corner {
+                    self.push_look(&triangle, &FaceLook::default());
+                }
+                is_odd = !is_odd;
+            }
+            last = [last[1], Some(corner)];
+        }
+        Ok(())
+    }
+
     /// Adds a polygon.
     pub(super) fn push_face(&mut self, corners: &[u32]) {
         if corners.len() < 3 {
             self.report.short_faces += 1;
         } else {
-            triangulate_polygon(corners, &mut self.triangles);
+            if corners.len() > 3 {
+                self.polygons.push(Run { first: self.triangles.len(), count: corners.len() - 2 });
+            }
+            push_fan(corners, &mut self.triangles);
         }
     }
 }

@@ -2,9 +2,9 @@
 //! skipped.
 //!
 //! Read are the element `vertex` (`x y z`; `nx ny nz`; `u v`, `s t`, `texture_u texture_v` or
-//! `texture_s texture_t`) and the list `vertex_indices` or `vertex_index` of the element `face`. Polygons become
-//! fans of triangles (see [`super::mesh::triangulate_polygon`] for concave ones). Integers are taken as they
-//! are: no range is mapped to 0 to 1.
+//! `texture_s texture_t`; `red green blue`), the list `vertex_indices` or `vertex_index` of the elements `face` and
+//! `tristrips`, of faces also `texcoord`, `texnumber` and `red green blue`, and comments `TextureFile`. Polygons become
+//! triangles as in [`super::polygon`]. Integers are taken as they are, but for colours.
 //!
 //! A file is never trusted: what it declares is compared with its length before memory is taken, and memory stays
 //! below [`MEMORY_FACTOR`] times that length. Nothing in a file makes the reader panic or hang.
@@ -20,12 +20,16 @@ mod tests;
 
 pub use error::{PlyError, PlyPlace, PlyProblem};
 
-use super::mesh::{MeshReport, TriangleMesh, drop_unusable};
+use super::colours::reflectances;
+use super::mesh::{MeshReport, TriangleMesh, drop_unusable, is_degenerate};
 use super::mesh_file::MeshReading;
 use super::mesh_size::MeshSize;
+use super::polygon::{mend_equal_fans, mend_fans};
+use crate::files::{open_regular, read_regular};
+use glam::{Vec2, Vec3};
 use header::{Element, Encoding, Header, PropertyType};
-use layout::{Contents, Role, Roles};
-use std::fs::File;
+use layout::{Contents, FaceColumns, Role, Roles, Vertices};
+use std::io::Read;
 use std::path::Path;
 
 /// Bound on the memory that reading takes, in lengths of the file (which is itself held in memory, unless it is binary and its
@@ -49,28 +53,72 @@ pub fn read_ply(path: &Path) -> Result<(TriangleMesh, MeshReport), PlyError> {
 /// # Errors
 /// As [`read_ply`], and where it was stopped.
 pub fn read_ply_with(path: &Path, reading: &MeshReading<'_>) -> Result<(TriangleMesh, MeshReport), PlyError> {
+    let model = read(path, reading, false)?;
+    Ok((reading.without_unwanted(model.mesh), model.report))
+}
+
+/// Reads a PLY file with its colours and the names of its pictures.
+///
+/// # Errors
+/// As [`read_ply_with`].
+pub fn read_ply_model(path: &Path, reading: &MeshReading<'_>) -> Result<PlyModel, PlyError> {
+    read(path, reading, true)
+}
+
+/// A mesh, and what its surface looks like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlyModel {
+    /// The mesh; where faces have data of their own, each of its vertices stands for a pair of vertex and data.
+    pub mesh: TriangleMesh,
+    /// What was left out.
+    pub report: MeshReport,
+    /// Linear reflectances of the vertices.
+    pub colours: Option<Vec<Vec3>>,
+    /// Names of pictures, relative to the folder of the file.
+    pub textures: Vec<String>,
+    /// Number of the picture of each triangle, where they show several.
+    pub triangle_textures: Option<Vec<i64>>,
+    /// Faces without texture coordinates of a file that has them by face.
+    pub unmapped_faces: u64,
+}
+
+/// What the header of a file says of its look: whether vertices or faces have colours, and the names of its pictures. Nothing where
+/// it cannot be read.
+pub fn declared_look(path: &Path) -> (bool, Vec<String>) {
+    /// As in `stream`.
+    const HEAD: u64 = 1 << 16;
+    let mut head = Vec::new();
+    let read = open_regular(path).and_then(|(file, _)| file.take(HEAD).read_to_end(&mut head));
+    let Some(header) = read.ok().and_then(|_| Header::parse(&head).ok()) else { return (false, Vec::new()) };
+    let roles = Roles::of(&header, true).map(|roles| roles.roles).unwrap_or_default();
+    let has_colours = roles.iter().any(|role| match role {
+        Role::Vertices(columns) => columns.colour.is_some(),
+        Role::Faces(columns) => columns.colour.is_some(),
+        Role::Strips(_) | Role::Skipped => false,
+    });
+    (has_colours, header.textures)
+}
+
+fn read(path: &Path, reading: &MeshReading<'_>, looks: bool) -> Result<PlyModel, PlyError> {
     let in_file = |problem| PlyError::new(path, PlyPlace::File, problem);
-    let metadata = std::fs::metadata(path).map_err(|error| in_file(PlyProblem::Io(error)))?;
-    if !metadata.is_file() {
-        return Err(in_file(PlyProblem::NotAFile));
-    }
-    let file = File::open(path).map_err(|error| in_file(PlyProblem::Io(error)))?;
-    let (contents, trailing_bytes) = match stream::read(&file, metadata.len(), reading) {
-        Some(read) => read,
-        None if !(reading.progress)(0, metadata.len()) => return Err(in_file(PlyProblem::Stopped)),
-        None => {
-            let bytes = std::fs::read(path).map_err(|error| in_file(PlyProblem::Io(error)))?;
-            return parse_ply(&bytes, path).map(|(mesh, report)| (reading.without_unwanted(mesh), report));
+    let (file, length) = open_regular(path).map_err(|error| in_file(PlyProblem::Io(error)))?;
+    match stream::read(&file, length, reading, looks) {
+        Some((contents, header, roles, trailing_bytes)) => {
+            Ok(finish(contents, header, &roles, trailing_bytes))
         }
-    };
-    Ok(finish(contents, trailing_bytes))
+        None if !(reading.progress)(0, length) => Err(in_file(PlyProblem::Stopped)),
+        None => {
+            let bytes = read_regular(path, u64::MAX).map_err(|error| in_file(PlyProblem::Io(error)))?;
+            parse(&bytes, looks).map_err(|(place, problem)| PlyError::new(path, place, problem))
+        }
+    }
 }
 
 /// Numbers of a file that begins with `head`, from its header. Only as many as its length has room for: a file that declares more
 /// will be refused.
 pub(super) fn declared_size(head: &[u8], length: u64) -> Option<MeshSize> {
     let header = Header::parse(head).ok()?;
-    let roles = Roles::of(&header).ok()?;
+    let roles = Roles::of(&header, false).ok()?;
     let mut left = length.saturating_sub(header.length as u64);
     let is_ascii = header.encoding == Encoding::Ascii;
     // The shortest text of a number is a digit and a blank.
@@ -91,7 +139,7 @@ pub(super) fn declared_size(head: &[u8], length: u64) -> Option<MeshSize> {
                 }
                 left -= count * least;
             }
-            Role::Faces(list) => {
+            Role::Faces(FaceColumns { corners: list, .. }) | Role::Strips(list) => {
                 // What is beside the lengths of the lists is corners.
                 let corner = match (is_ascii, element.properties.get(list).map(|property| property.kind)) {
                     (false, Some(PropertyType::List(_, item))) => item.size() as u64,
@@ -113,28 +161,73 @@ pub(super) fn declared_size(head: &[u8], length: u64) -> Option<MeshSize> {
 /// # Errors
 /// As [`read_ply`].
 pub fn parse_ply(bytes: &[u8], path: &Path) -> Result<(TriangleMesh, MeshReport), PlyError> {
-    parse(bytes).map_err(|(place, problem)| PlyError::new(path, place, problem))
+    let model = parse(bytes, false).map_err(|(place, problem)| PlyError::new(path, place, problem))?;
+    Ok((model.mesh, model.report))
+}
+
+/// [`read_ply_model`] of a file's bytes; `path` is only for messages.
+///
+/// # Errors
+/// As [`read_ply`].
+pub fn parse_ply_model(bytes: &[u8], path: &Path) -> Result<PlyModel, PlyError> {
+    parse(bytes, true).map_err(|(place, problem)| PlyError::new(path, place, problem))
 }
 
 /// An error before the file's name is added to it.
 type Failure = (PlyPlace, PlyProblem);
 
-fn parse(bytes: &[u8]) -> Result<(TriangleMesh, MeshReport), Failure> {
+fn parse(bytes: &[u8], looks: bool) -> Result<PlyModel, Failure> {
     let header = Header::parse(bytes)?;
-    let roles = Roles::of(&header)?;
+    let roles = Roles::of(&header, looks)?;
     let mut contents = Contents::default();
     let trailing_bytes = match header.encoding {
         Encoding::Ascii => ascii::read_body(bytes, &header, &roles, &mut contents)?,
         Encoding::Binary(order) => binary::read_body(bytes, &header, order, &roles, &mut contents)?,
     };
-    Ok(finish(contents, trailing_bytes))
+    Ok(finish(contents, header, &roles, trailing_bytes))
 }
 
 /// The mesh of what was read.
-fn finish(contents: Contents, trailing_bytes: u64) -> (TriangleMesh, MeshReport) {
-    let Contents { vertices, mut triangles, mut report } = contents;
+fn finish(contents: Contents, header: Header, roles: &Roles, trailing_bytes: u64) -> PlyModel {
+    let Contents { mut vertices, mut triangles, polygons, equal_polygons, wedges, mut report } = contents;
     report.trailing_bytes = trailing_bytes;
-    let (positions, normals, uvs) = vertices.finish(&mut report);
+    let mut most = roles.colour_range(false);
+    let (mut triangle_textures, mut unmapped_faces) = (None, 0);
+    if let Some(wedges) = wedges {
+        vertices = vertices.gathered(&wedges.of);
+        if wedges.uvs.iter().any(|uv| *uv != Vec2::ZERO) {
+            vertices.uvs = Some(wedges.uvs);
+            unmapped_faces = wedges.unmapped_faces;
+        }
+        // Colours of faces only where vertices have none: those are finer.
+        if vertices.colours.is_none() && wedges.colours.iter().flatten().any(|channel| !channel.is_nan()) {
+            vertices.colours = Some(wedges.colours);
+            most = roles.colour_range(true);
+        }
+        let is_several = wedges.textures.windows(2).any(|pair| pair[0] != pair[1]);
+        triangle_textures = is_several.then_some(wedges.textures);
+    }
+    vertices.mend(&mut report);
+    let Vertices { positions, normals, uvs, colours } = vertices;
+    report.crossed_polygons = match equal_polygons {
+        Some((count, end)) if count > 1 => mend_equal_fans(&mut triangles[..end], count, &positions),
+        _ => mend_fans(&mut triangles, &polygons, &positions),
+    };
+    if triangles.is_empty() && !positions.is_empty() && !roles.have_faces() {
+        report.cloud = Some(header.cloud());
+    }
+    triangle_textures = triangle_textures.map(|textures| {
+        // In step with what is dropped below.
+        let is_kept = |triangle: &[u32; 3]| !is_degenerate(positions.corners(*triangle));
+        textures
+            .into_iter()
+            .zip(&triangles)
+            .filter(|(_, triangle)| is_kept(triangle))
+            .map(|(texture, _)| texture)
+            .collect()
+    });
     drop_unusable(&mut triangles, &positions, &mut report);
-    (TriangleMesh { positions, triangles, normals, uvs }, report)
+    let colours = colours.map(|colours| reflectances(colours, most, &mut report));
+    let mesh = TriangleMesh { positions, triangles, normals, uvs };
+    PlyModel { mesh, report, colours, textures: header.textures, triangle_textures, unmapped_faces }
 }

@@ -7,7 +7,7 @@
 
 use super::binary::{FixedFaces, FixedVertices, read_integer};
 use super::header::{ByteOrder, Encoding, Header};
-use super::layout::{Contents, Role, Roles, VertexColumns, Vertices};
+use super::layout::{Contents, FaceColumns, Role, Roles, VertexColumns, Vertices};
 use crate::scene_file::mesh::Positions;
 use crate::scene_file::mesh_file::MeshReading;
 use glam::{Vec2, Vec3};
@@ -23,12 +23,17 @@ const LONGEST_HEADER: u64 = 1 << 16;
 const PIECE: usize = 1 << 18;
 
 /// Reads the bodies of all elements; `None` where this is not for this file, or where it was stopped.
-pub(super) fn read(file: &File, length: u64, reading: &MeshReading<'_>) -> Option<(Contents, u64)> {
+pub(super) fn read(
+    file: &File,
+    length: u64,
+    reading: &MeshReading<'_>,
+    looks: bool,
+) -> Option<(Contents, Header, Roles, u64)> {
     let mut start = vec![0; length.min(LONGEST_HEADER) as usize];
     file.read_exact_at(&mut start, 0).ok()?;
     let header = Header::parse(&start).ok()?;
     let Encoding::Binary(order) = header.encoding else { return None };
-    let roles = Roles::of(&header).ok()?;
+    let roles = Roles::of(&header, looks).ok()?;
     let mut contents = Contents::default();
     let mut at = header.length as u64;
     let input = Input { file, length, reading, done: AtomicU64::new(0) };
@@ -38,12 +43,15 @@ pub(super) fn read(file: &File, length: u64, reading: &MeshReading<'_>) -> Optio
         }
         let count = usize::try_from(element.count).ok()?;
         let stride = match *role {
-            Role::Faces(list) => {
+            Role::Strips(_) => return None,
+            Role::Faces(columns) if columns.has_look() => return None,
+            Role::Faces(FaceColumns { corners: list, .. }) => {
                 let mut first = vec![0; input.left(at).min(LONGEST_HEADER) as usize];
                 file.read_exact_at(&mut first, at).ok()?;
                 let faces = FixedFaces::of(element, list, &first, order)?;
                 let records = input.records(at, count, faces.stride)?;
                 contents.triangles = read_faces(&records, &faces, order, roles.vertex_count)?;
+                contents.equal_polygons = Some((faces.corners - 2, contents.triangles.len()));
                 faces.stride
             }
             Role::Vertices(columns) => {
@@ -57,7 +65,7 @@ pub(super) fn read(file: &File, length: u64, reading: &MeshReading<'_>) -> Optio
         };
         at += (count * stride) as u64;
     }
-    Some((contents, length - at))
+    Some((contents, header, roles, length - at))
 }
 
 struct Input<'a> {
@@ -160,7 +168,13 @@ fn read_vertices(
             true
         })
     });
-    Some(Vertices { positions, normals: whole(normals)?, uvs: whole(uvs)? })
+    let colours = columns.colour.map(|colour| {
+        records.turn([0.0; 3], 1, |record, out| {
+            out[0] = colour.read(|column| layout.value(record, column));
+            true
+        })
+    });
+    Some(Vertices { positions, normals: whole(normals)?, uvs: whole(uvs)?, colours: whole(colours)? })
 }
 
 /// `None` where reading what is wanted failed.
@@ -199,7 +213,7 @@ fn read_faces(
             return false;
         }
         let (Some(first), Some(mut last)) = (corner(record, 0), corner(record, 1)) else { return false };
-        // The fan of `triangulate_polygon`.
+        // A fan, to be mended where the polygon is concave.
         out.iter_mut().enumerate().all(|(number, triangle)| match corner(record, number + 2) {
             Some(next) => {
                 *triangle = [first, last, next];

@@ -1,6 +1,7 @@
 use super::*;
+use crate::files::BYTE_ORDER_MARK;
 use crate::math::unit;
-use crate::scene_file::mesh::Positions;
+use crate::scene_file::mesh::{Cloud, Positions};
 use glam::{DVec3, Vec2, Vec3};
 use proptest::prelude::*;
 use std::path::PathBuf;
@@ -335,8 +336,8 @@ fn what_cannot_be_used_is_dropped_and_counted() {
         degenerate_triangles: 2,
         unusable_normals: 3,
         unusable_uvs: 2,
-        other_elements: 0,
         trailing_bytes: 18,
+        ..MeshReport::default()
     };
     assert_eq!(report, expected);
     assert_eq!(report.findings().len(), 6);
@@ -373,7 +374,7 @@ fn errors_of_the_header_name_line_and_remedy() {
     let vertex = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
     for (text, parts) in [
         ("", &["mesh.ply: not a PLY file", "convert"][..]),
-        ("solid cube\nfacet\n", &["mesh.ply: not a PLY file", "convert"]),
+        ("solid cube\nfacet\n", &["mesh.ply: not a PLY file", "STL", "the ending of its kind"]),
         ("ply\nformat ascii 1.0\n", &["no line `end_header`", "write or copy it again"]),
         ("ply\nelement vertex 1\n", &["mesh.ply:2: ", "no line `format`", "`format ascii 1.0`"]),
         ("ply\nend_header\n", &["mesh.ply:2: ", "no line `format`"]),
@@ -406,7 +407,7 @@ fn errors_of_the_header_name_line_and_remedy() {
             &format!(
                 "ply\nformat ascii 1.0\n{vertex}element tristrips 1\nproperty list int int a\nend_header\n"
             ),
-            &["mesh.ply:7: ", "triangle strips", "write the mesh with faces"],
+            &["mesh.ply:7: ", "`tristrips`", "write the faces with one"],
         ),
     ] {
         let message = refused(text);
@@ -517,7 +518,8 @@ fn what_is_read_piece_by_piece_is_what_is_read_as_a_whole() {
             for bytes in [bytes.clone(), [&bytes[..], b"more"].concat(), bytes[..bytes.len() - 3].to_vec()] {
                 std::fs::write(&path, &bytes).unwrap();
                 let file = std::fs::File::open(&path).unwrap();
-                streamed += usize::from(stream::read(&file, bytes.len() as u64, &MeshReading::ALL).is_some());
+                streamed +=
+                    usize::from(stream::read(&file, bytes.len() as u64, &MeshReading::ALL, false).is_some());
                 let whole = load(&bytes);
                 match (read_ply(&path), whole) {
                     (Ok(a), Ok(b)) => assert_eq!(a, b),
@@ -528,7 +530,8 @@ fn what_is_read_piece_by_piece_is_what_is_read_as_a_whole() {
                     (a, b) => panic!("{format:?}: {a:?} and {b:?}"),
                 }
                 if let Ok((mesh, _)) = load(&bytes) {
-                    let reading = MeshReading { normals: false, uvs: false, progress: &|_, _| true };
+                    let reading =
+                        MeshReading { normals: false, uvs: false, colours: false, progress: &|_, _| true };
                     let plain = TriangleMesh { normals: None, uvs: None, ..mesh };
                     assert_eq!(read_ply_with(&path, &reading).unwrap().0, plain);
                 }
@@ -605,14 +608,17 @@ proptest! {
             faces.len()
         );
         let mut expected = Vec::new();
-        let mut short = 0;
+        let (mut short, mut crossed) = (0, 0);
         for face in &faces {
             let corners: Vec<_> = face.iter().map(|corner| corner % count).collect();
             short += u64::from(corners.len() < 3);
-            crate::scene_file::mesh::triangulate_polygon(&corners, &mut expected);
+            let place = |vertex: u32| glam::Vec3::from_array(positions[vertex as usize]).as_dvec3();
+            let is_sound =
+                crate::scene_file::polygon::triangulate_polygon(&corners, place, &mut expected);
+            crossed += u64::from(!is_sound);
         }
         let points = Positions::Single(positions.clone());
-        let mut report = MeshReport { short_faces: short, ..MeshReport::default() };
+        let mut report = MeshReport { short_faces: short, crossed_polygons: crossed, cloud: faces.is_empty().then_some(Cloud::Points), ..MeshReport::default() };
         drop_unusable(&mut expected, &points, &mut report);
         for format in FORMATS {
             let mut writer = Writer::new(format, &declarations);
@@ -697,4 +703,89 @@ fn a_globe_of_a_million_triangles() {
     let share =
         normals.iter().enumerate().filter(|&pair| outward(pair)).count() as f64 / normals.len() as f64;
     assert!(share > 0.9, "{share}");
+}
+
+/// A square whose corners are in this order in the strip, in every format; and a second strip after a break.
+#[test]
+fn triangle_strips_are_read() {
+    for format in FORMATS {
+        let declarations = "element vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement tristrips 1\nproperty list \
+            int int vertex_indices";
+        let mut writer = Writer::new(format, declarations);
+        for [x, y] in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+            writer.record(&[("float", x), ("float", y), ("float", 0.0)]);
+        }
+        writer.list("int", "int", &[0.0, 1.0, 2.0, 3.0, -1.0, 2.0, 0.0, 1.0]);
+        let (mesh, report) = load(&writer.bytes).unwrap();
+        assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [2, 0, 1]], "{format:?}");
+        assert_eq!(report, MeshReport::default());
+    }
+}
+
+#[test]
+fn a_mark_and_a_cloud() {
+    let (mesh, _) = load([BYTE_ORDER_MARK, rich(Format::Little).as_slice()].concat()).unwrap();
+    assert_eq!(mesh, load(rich(Format::Little)).unwrap().0);
+    let cloud = |properties: &str| {
+        format!(
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n{properties}end_header\n\
+             0 0 0{}\n",
+            " 0".repeat(properties.lines().count())
+        )
+    };
+    assert_eq!(load(cloud("")).unwrap().1.cloud, Some(Cloud::Points));
+    let splats = cloud("property float f_dc_0\nproperty float opacity\n");
+    assert_eq!(load(splats).unwrap().1.cloud, Some(Cloud::Splats));
+}
+
+#[test]
+fn looks_are_read_in_all_formats() {
+    for format in FORMATS {
+        let declarations = "comment TextureFile a picture.png\ncomment texturefile b.png\nelement vertex 4\nproperty float x\nproperty \
+            float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\nproperty list \
+            uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber";
+        let mut writer = Writer::new(format, declarations);
+        for [x, y] in [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+            let channel = |value: f64| ("uchar", 255.0 * value);
+            writer.record(&[
+                ("float", x),
+                ("float", y),
+                ("float", 0.0),
+                channel(x),
+                channel(y),
+                channel(1.0),
+            ]);
+        }
+        for (number, corners) in [[0.0, 1.0, 2.0], [0.0, 2.0, 3.0]].iter().enumerate() {
+            // One line in ascii.
+            let uvs = [0.0, 0.0, 1.0, 0.0, 1.0, number as f64];
+            writer.put("uchar", 3.0);
+            corners.iter().for_each(|corner| {
+                writer.put("int", *corner);
+            });
+            writer.put("uchar", 6.0);
+            uvs.iter().for_each(|uv| {
+                writer.put("float", *uv);
+            });
+            writer.put("int", number as f64).end();
+        }
+        let model = parse_ply_model(&writer.bytes, Path::new("a.ply")).unwrap();
+        assert_eq!(model.textures, ["a picture.png", "b.png"], "{format:?}");
+        assert_eq!(model.triangle_textures, Some(vec![0, 1]));
+        // Corners with the same vertex and coordinates are one.
+        assert_eq!(model.mesh.positions.len(), 4);
+        let (uvs, colours) = (model.mesh.uvs.unwrap(), model.colours.unwrap());
+        let [a, b, c] = model.mesh.triangles[1].map(|vertex| vertex as usize);
+        assert_eq!(
+            [uvs[a], uvs[b], uvs[c]],
+            [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]].map(glam::Vec2::from_array)
+        );
+        assert_eq!(
+            [colours[a], colours[b], colours[c]],
+            [[0., 0., 1.], [1., 1., 1.], [0., 1., 1.]].map(Vec3::from_array)
+        );
+        // Who asks for the mesh alone gets it as it is.
+        let (plain, _) = load(&writer.bytes).unwrap();
+        assert_eq!((plain.positions.len(), plain.uvs), (4, None));
+    }
 }

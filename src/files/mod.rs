@@ -1,0 +1,12 @@
+//! Files that are read: only regular ones, what kind of file one is, and texts of whatever line ends and byte-order mark.
+//!
+//! Every file that a command line or another file names is opened by [`open_regular`] or read by [`read_regular`], so that a
+//! pipe, a device or a folder is an error at once, and never a wait without end.
+
+mod kind;
+mod regular;
+mod text;
+
+pub use kind::{ForeignFile, foreign_by_content, foreign_file};
+pub use regular::{open_regular, read_regular};
+pub use text::{BYTE_ORDER_MARK, text_of};
