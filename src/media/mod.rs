@@ -2,7 +2,7 @@
 
 mod surroundings;
 
-pub use surroundings::{Crossing, MOST_BODIES, Surroundings};
+pub use surroundings::{Crossing, MOST_MEDIA, Surroundings};
 
 use crate::math::Rgb;
 

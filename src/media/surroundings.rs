@@ -5,14 +5,20 @@
 
 use super::{AIR, Medium, MediumId};
 
-/// Bodies that a place can be in at a time.
-pub const MOST_BODIES: usize = 4;
+/// Different media whose bodies can overlap at one place. Bodies of one medium are counted, and take no more room however
+/// many they are.
+pub const MOST_MEDIA: usize = 16;
 
-/// The bodies around a place, by their media, the one that fills it first. Two bodies of one medium count twice.
+/// Bodies of one medium that can overlap at one place.
+const MOST_OF_ONE: u16 = u16::MAX;
+
+/// Bodies around a place, by their media, the one that fills it first. Two bodies of one medium count twice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Surroundings {
-    /// By rank; air after the last.
-    bodies: [MediumId; MOST_BODIES],
+    /// By rank, each once; air after the last.
+    media: [MediumId; MOST_MEDIA],
+    /// Bodies of each.
+    counts: [u16; MOST_MEDIA],
 }
 
 /// What it means for a ray to cross the border between two media.
@@ -25,6 +31,8 @@ pub struct Crossing {
     /// Whether the ray was where the border says: within the body whose border it meets from inside, and within no more
     /// bodies than are kept.
     pub fits: bool,
+    /// Whether bodies of more than [`MOST_MEDIA`] media overlap behind the border, so that one of them had to be left out.
+    pub is_full: bool,
 }
 
 impl Crossing {
@@ -33,29 +41,50 @@ impl Crossing {
     pub fn is_hidden(&self) -> bool {
         self.before.medium() == self.after.medium()
     }
+
+    /// This crossing, and then that of a border at the same place.
+    pub fn and(self, near: MediumId, far: MediumId, media: &[Medium]) -> Self {
+        let mut next = self.after.crossing(near, far, media);
+        let mut before = self.before;
+        if near != AIR && next.before != self.after {
+            // The body was around the ray from the start.
+            before.add(near, media);
+        }
+        next.before = before;
+        next.fits &= self.fits;
+        next.is_full |= self.is_full;
+        next
+    }
 }
 
 impl Surroundings {
     /// Within no body.
-    pub const AIR: Self = Self { bodies: [AIR; MOST_BODIES] };
+    pub const AIR: Self = Self { media: [AIR; MOST_MEDIA], counts: [0; MOST_MEDIA] };
 
     /// Within one body, or none where that is [`AIR`](super::AIR).
     pub fn of(medium: MediumId) -> Self {
-        let mut bodies = [AIR; MOST_BODIES];
-        bodies[0] = medium;
-        Self { bodies }
+        let mut one = Self::AIR;
+        if medium != AIR {
+            (one.media[0], one.counts[0]) = (medium, 1);
+        }
+        one
     }
 
     /// The medium that fills the place.
     #[inline]
     pub fn medium(&self) -> MediumId {
-        self.bodies[0]
+        self.media[0]
+    }
+
+    /// Media of all bodies around the place, each once, in the order of their ranks.
+    pub fn media(&self) -> impl Iterator<Item = MediumId> + '_ {
+        self.media.iter().copied().take_while(|&id| id != AIR)
     }
 
     /// What a ray from here passes at a border that has `near` on its side and `far` on the other.
     pub fn crossing(self, near: MediumId, far: MediumId, media: &[Medium]) -> Crossing {
         let (mut before, mut fits) = (self, true);
-        if near != AIR && !self.bodies.contains(&near) {
+        if near != AIR && self.place_of(near).is_none() {
             fits = false;
             before.add(near, media);
         }
@@ -63,28 +92,40 @@ impl Surroundings {
         if near != AIR {
             after.remove(near);
         }
-        if far != AIR {
-            fits &= after.add(far, media);
-        }
-        Crossing { before, after, fits }
+        let has_room = far == AIR || after.add(far, media);
+        Crossing { before, after, fits: fits && has_room, is_full: !has_room }
+    }
+
+    fn place_of(&self, medium: MediumId) -> Option<usize> {
+        self.media().position(|other| other == medium)
     }
 
     /// Adds a body; `false` where that of the highest rank had to go for it, or it itself.
     fn add(&mut self, body: MediumId, media: &[Medium]) -> bool {
+        if let Some(place) = self.place_of(body) {
+            let count = &mut self.counts[place];
+            let has_room = *count < MOST_OF_ONE;
+            *count = count.saturating_add(1);
+            return has_room;
+        }
         let rank = |id: MediumId| media.get(id as usize).map_or(u32::MAX, |medium| medium.rank);
-        let place = self.bodies.iter().position(|&other| other == AIR || rank(body) < rank(other));
-        let is_full = self.bodies[MOST_BODIES - 1] != AIR;
+        let place = self.media.iter().position(|&other| other == AIR || rank(body) < rank(other));
+        let is_full = self.media[MOST_MEDIA - 1] != AIR;
         if let Some(place) = place {
-            self.bodies.copy_within(place..MOST_BODIES - 1, place + 1);
-            self.bodies[place] = body;
+            self.media.copy_within(place..MOST_MEDIA - 1, place + 1);
+            self.counts.copy_within(place..MOST_MEDIA - 1, place + 1);
+            (self.media[place], self.counts[place]) = (body, 1);
         }
         !is_full
     }
 
     fn remove(&mut self, body: MediumId) {
-        if let Some(place) = self.bodies.iter().position(|&other| other == body) {
-            self.bodies.copy_within(place + 1.., place);
-            self.bodies[MOST_BODIES - 1] = AIR;
+        let Some(place) = self.place_of(body) else { return };
+        self.counts[place] -= 1;
+        if self.counts[place] == 0 {
+            self.media.copy_within(place + 1.., place);
+            self.counts.copy_within(place + 1.., place);
+            (self.media[MOST_MEDIA - 1], self.counts[MOST_MEDIA - 1]) = (AIR, 0);
         }
     }
 }
@@ -144,24 +185,63 @@ mod tests {
         let media = media(&[1, 2]);
         let glass = Surroundings::of(1);
         let crossing = glass.crossing(1, 2, &media);
-        assert_eq!(crossing, Crossing { before: glass, after: Surroundings::of(2), fits: true });
+        assert_eq!((crossing.before, crossing.after), (glass, Surroundings::of(2)));
+        assert!(crossing.fits && !crossing.is_full);
     }
 
     #[test]
     fn what_contradicts_itself_is_told() {
-        let media = media(&[1, 2, 3, 4, 5]);
+        let ranks: Vec<u32> = (1..=MOST_MEDIA as u32 + 1).collect();
+        let media = media(&ranks);
         // Out of a body that was never entered.
         let crossing = Surroundings::AIR.crossing(1, AIR, &media);
-        assert_eq!(crossing, Crossing { before: Surroundings::of(1), after: Surroundings::AIR, fits: false });
-        // Into more bodies than are kept: the best stay.
+        let of_first = Surroundings::of(1);
+        assert_eq!((crossing.before, crossing.after), (of_first, Surroundings::AIR));
+        assert!(!crossing.fits && !crossing.is_full);
+        // Into bodies of more media than are kept: the best stay.
         let mut at = Surroundings::AIR;
-        for body in [5, 4, 3, 2] {
+        let last = MOST_MEDIA as u32 + 1;
+        for body in (2..=last).rev() {
             let crossing = at.crossing(AIR, body, &media);
             assert!(crossing.fits);
             at = crossing.after;
         }
         let crossing = at.crossing(AIR, 1, &media);
-        assert!(!crossing.fits && crossing.after.medium() == 1);
-        assert!(!crossing.after.bodies.contains(&5));
+        assert!(!crossing.fits && crossing.is_full && crossing.after.medium() == 1);
+        assert!(crossing.after.place_of(last).is_none());
+    }
+
+    #[test]
+    fn bodies_of_one_medium_nest_as_deep_as_they_like() {
+        let media = media(&[1, 2]);
+        let mut at = Surroundings::of(2);
+        for depth in 0..1000 {
+            let crossing = at.crossing(AIR, 1, &media);
+            assert!(crossing.fits && crossing.is_hidden() == (depth > 0));
+            at = crossing.after;
+        }
+        for depth in (0..1000).rev() {
+            let crossing = at.crossing(1, AIR, &media);
+            assert!(crossing.fits && crossing.is_hidden() == (depth > 0));
+            at = crossing.after;
+        }
+        assert_eq!(at, Surroundings::of(2));
+    }
+
+    #[test]
+    fn borders_at_one_place_are_one_crossing() {
+        let media = media(&[1, 2]);
+        // Out of one body and into another: from glass to water, and not by way of air.
+        let glass = Surroundings::of(1);
+        let crossing = glass.crossing(1, AIR, &media).and(AIR, 2, &media);
+        assert_eq!((crossing.before, crossing.after), (glass, Surroundings::of(2)));
+        assert!(crossing.fits && !crossing.is_hidden());
+        // Between two bodies of one medium there is nothing.
+        let crossing = glass.crossing(1, AIR, &media).and(AIR, 1, &media);
+        assert!(crossing.fits && crossing.is_hidden() && crossing.after == glass);
+        // A body that was never entered was around the ray before either border.
+        let crossing = Surroundings::AIR.crossing(1, AIR, &media).and(2, AIR, &media);
+        assert!(!crossing.fits && crossing.before.medium() == 1 && crossing.before.media().count() == 2);
+        assert_eq!(crossing.after, Surroundings::AIR);
     }
 }
