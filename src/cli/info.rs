@@ -84,6 +84,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         let flux = light.flux(scene.bounds().1) * flux_unit;
         writeln!(out, "  light      {kind}, {:.4} {:.4} {:.4} W", flux.x, flux.y, flux.z)?;
     }
+    write_contacts(&mut out, scene)?;
     writeln!(out, "  Embree     {}", loaded.device.version())?;
     writeln!(out, "plan")?;
     for (name, decision) in plan.decisions() {
@@ -97,6 +98,29 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         }
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Surfaces that touch, some of them in a line.
+fn write_contacts(out: &mut impl Write, scene: &Scene) -> Result<()> {
+    const SHOWN: usize = 8;
+    let touching = scene.touching();
+    if touching.is_empty() {
+        return Ok(());
+    }
+    let name = |id: u32| &scene.surfaces()[id as usize].name;
+    let shown = touching.iter().take(SHOWN).map(|&[a, b]| match a == b {
+        true => format!("{} within itself", name(a)),
+        false => format!("{} and {}", name(a), name(b)),
+    });
+    let more = touching.len().saturating_sub(SHOWN);
+    let more = if more > 0 { format!(", and {more} more") } else { String::new() };
+    let gap = scene.space().metres(f64::from(scene.contact_distance()));
+    let shown = shown.collect::<Vec<_>>().join(", ");
+    writeln!(
+        out,
+        "  contact    {shown}{more}: no air between (for a gap, move them apart by more than {gap:.1e} m)"
+    )?;
+    Ok(())
 }
 
 /// One PNG for each light, named by its number and name.

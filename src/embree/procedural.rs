@@ -20,6 +20,13 @@ pub trait Procedural: fmt::Debug + Send + Sync {
     /// A box that contains the primitive.
     fn bounds(&self, primitive: u32) -> Bounds3;
 
+    /// False where no point of the primitive is in `region`, a box: what tells where surfaces touch. The default goes by
+    /// [`Self::bounds`], and costs rays time where other surfaces are near but do not touch.
+    fn may_be_in(&self, primitive: u32, region: &Bounds3) -> bool {
+        let own = self.bounds(primitive);
+        own.min.cmple(region.max).all() && region.min.cmple(own.max).all()
+    }
+
     /// The nearest hit in `(0, ray.t_max]`, or `None`. Both sides of a surface count.
     fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit>;
 

@@ -25,6 +25,9 @@ pub struct AreaLight {
     area_over_pdf: f32,
     /// Radius of the largest piece: what rounding errors near it scale with.
     extent: f32,
+    /// Distance off the surface at which photons start and shadow rays end, where that is more than its own rounding: beyond
+    /// surfaces that touch it.
+    clearance: f32,
     /// Area of all pieces, one side.
     area: f64,
     /// Where the radiance is less in places: a factor on it, and the corners of each piece.
@@ -80,10 +83,16 @@ impl AreaLight {
             flip_normal,
             area_over_pdf,
             extent,
+            clearance: 0.0,
             area,
             glow,
             mean,
         })
+    }
+
+    /// Lets photons start, and shadow rays end, at least so far off the surface: beyond what touches it.
+    pub(crate) fn keep_clear(&mut self, clearance: f32) {
+        self.clearance = clearance;
     }
 
     /// What bounds the light of all pieces.
@@ -196,7 +205,7 @@ impl AreaLight {
         };
         let to_light = sample.position - reference;
         let normal = if self.flip_normal { -sample.normal } else { sample.normal };
-        let start = start_at(sample.position, normal, self.extent);
+        let start = self.start_at(sample.position, normal);
         // On the light itself rounding would decide the side, and the back of a lamp be lit by its front: a flat one
         // fills half of all directions there.
         let height = -to_light.dot(normal);
@@ -278,7 +287,7 @@ impl AreaLight {
             area_over_pdf,
             back,
             glow: self.glow_at(piece, sample.position),
-            ..start_at(sample.position, normal, self.extent)
+            ..self.start_at(sample.position, normal)
         }
     }
 
@@ -309,6 +318,13 @@ impl AreaLight {
     #[inline]
     fn choose(&self, u: Vec2) -> (usize, f32, Vec2) {
         if self.is_chosen() { self.choose_by(refined(u), u) } else { (0, 1.0, u) }
+    }
+
+    /// A point on the light as photons leave it.
+    #[inline]
+    fn start_at(&self, position: DVec3, normal: DVec3) -> EmissionStart {
+        let start = start_at(position, normal, self.extent);
+        EmissionStart { offset: start.offset.max(self.clearance), ..start }
     }
 
     /// [`Self::choose`] by `x` in place of the first coordinate.

@@ -43,6 +43,13 @@ impl Bounds3 {
         if self.is_empty() { 0.0 } else { 0.5 * (self.max - self.min).length() }
     }
 
+    /// Distances from `point` to the nearest and to the farthest point of the box.
+    pub fn distances(&self, point: DVec3) -> (f64, f64) {
+        let nearest = point.clamp(self.min, self.max);
+        let farthest = (point - self.min).abs().max((point - self.max).abs());
+        ((point - nearest).length(), farthest.length())
+    }
+
     /// The box around the eight transformed corners.
     pub fn transformed(&self, transform: &DAffine3) -> Self {
         if self.is_empty() {

@@ -274,7 +274,7 @@ impl Flight {
         photons: &mut Stored,
         tally: &mut PhotonTally,
     ) -> bool {
-        let hit = pass.scene.interaction(&self.ray, hit);
+        let hit = pass.scene.met(&self.ray, hit);
         if let Some(after) = pass.scene.hidden(self.medium, &hit) {
             // Light behind a border that is not there counts as a caustic: shadow rays end at the border.
             self.medium = after;

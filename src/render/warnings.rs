@@ -3,6 +3,7 @@
 use super::maps::is_worth_a_warning;
 use super::stats::Statistics;
 use crate::image_io::take_tile_failures;
+use crate::media::MOST_MEDIA;
 use crate::scene::{IntegratorKind, Scene};
 
 /// Adds what the counts tell.
@@ -38,6 +39,14 @@ pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
              of mirrors or glass; the photon map has it, or give the lights a size"
                 .to_owned(),
         );
+    }
+    let overfull = scene.overfull();
+    if !overfull.is_empty() {
+        warnings.push(format!(
+            "bodies of more than {MOST_MEDIA} media overlap at one place, of which only {MOST_MEDIA} are followed, so that light \
+             behind them is wrong: give some of them the same medium, or take them apart ({})",
+            overfull.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+        ));
     }
     let panics = scene.embree().panics();
     if panics > 0 {

@@ -1,5 +1,6 @@
 //! The scene as the integrators see it: immutable, in render space, shared by all threads.
 
+mod contact;
 mod crossings;
 mod illuminated;
 mod layered;
@@ -8,8 +9,10 @@ mod plan;
 mod render_space;
 mod surface;
 mod texture;
+mod touching;
 mod world;
 
+pub use contact::Borders;
 pub use crossings::Crossings;
 pub use illuminated::{IlluminatedShape, IlluminationKernel};
 pub use layered::{AlphaCutout, Coverage, LayeredMaterial, Painted, glow_of};

@@ -1,5 +1,6 @@
 //! Points on surfaces, with the error bounds that make ray offsets unnecessary to tune.
 
+use super::contact::Borders;
 use super::layered::Painted;
 use super::material::Material;
 use super::texture::tinted;
@@ -293,6 +294,8 @@ pub struct SurfaceInteraction {
     pub glow: Rgb,
     /// What a material whose parameters vary is here.
     pub painted: Option<Painted>,
+    /// All borders between media at this place, where other surfaces lie there too.
+    pub borders: Borders,
 }
 
 impl SurfaceInteraction {

@@ -1,5 +1,6 @@
 //! Surfaces, where they stand, and the queries that find them.
 
+use super::contact::{Borders, Contacts};
 use super::illuminated::IlluminatedShape;
 use super::layered::Site;
 use super::material::Material;
@@ -14,7 +15,8 @@ use crate::media::{AIR, Crossing, Medium, MediumId, Surroundings};
 use crate::sampling::{Distribution1D, Sobol, warp};
 use crate::textures::VertexData;
 use glam::{Vec3, Vec3A};
-use std::sync::Arc;
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Triangles with what shading needs beyond their corners.
 #[derive(Clone, Debug)]
@@ -157,11 +159,24 @@ pub struct Scene {
     light_choice: LightChoice,
     /// Lights that a ray into the open may meet.
     open: Vec<LightId>,
+    /// Where surfaces touch that bound media; `None` where none do.
+    contacts: Option<Contacts>,
+    /// Media of bodies that overlap at places where there are too many of them to be followed.
+    overfull: Mutex<BTreeSet<MediumId>>,
 }
 
 impl Scene {
     /// A scene of these parts.
-    pub fn new(parts: SceneParts) -> Self {
+    pub fn new(mut parts: SceneParts) -> Self {
+        let contacts = Contacts::find(&parts);
+        if let Some(contacts) = &contacts {
+            for (number, surface) in parts.surfaces.iter().enumerate() {
+                let light = surface.light.filter(|_| contacts.touches(number));
+                if let Some(Light::Area(light)) = light.and_then(|id| parts.lights.get_mut(id as usize)) {
+                    light.keep_clear(contacts.reach());
+                }
+            }
+        }
         let radius = parts.bounds.1;
         let flux = parts.lights.iter().map(|light| light.flux(radius).max_element());
         let light_power = Distribution1D::new(flux);
@@ -172,7 +187,7 @@ impl Scene {
         };
         let open = (0..parts.lights.len() as LightId).filter(is_open).collect();
         let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
-        Self { parts, casters, light_power, light_choice, open }
+        Self { parts, casters, light_power, light_choice, open, contacts, overfull: Mutex::default() }
     }
 
     /// Name of the scene.
@@ -312,7 +327,32 @@ impl Scene {
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<SurfaceInteraction> {
         let hit = self.parts.embree.intersect(ray)?;
-        Some(self.interaction(ray, &hit))
+        Some(self.met(ray, &hit))
+    }
+
+    /// Surfaces that touch somewhere, at least one of which bounds media: pairs of indices into [`Self::surfaces`]. Two that
+    /// come so near that rays look twice may be among them.
+    pub fn touching(&self) -> &[[u32; 2]] {
+        self.contacts.as_ref().map_or(&[], Contacts::pairs)
+    }
+
+    /// Distance, render space, beyond which no surfaces of the scene touch.
+    pub fn contact_distance(&self) -> f32 {
+        self.contacts.as_ref().map_or(0.0, Contacts::distance)
+    }
+
+    /// What a ray meets where Embree hit something: [`Self::interaction`], or of surfaces that lie at the same place the one
+    /// that comes first.
+    #[inline(always)]
+    pub fn met(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
+        let found = self.plain_interaction(ray, hit);
+        let (found, hit) = match &self.contacts {
+            Some(contacts) if contacts.may_touch(found.surface, found.point.position) => {
+                self.first_of_contact(contacts, found, hit)
+            }
+            _ => (found, *hit),
+        };
+        if self.parts.textures.is_empty() { found } else { self.textured(found, &hit) }
     }
 
     /// Whether anything lies on the segment.
@@ -321,7 +361,8 @@ impl Scene {
         self.parts.embree.occluded(ray)
     }
 
-    /// Turns Embree's hit into a point with its error bound, and looks up the textures of its material.
+    /// Turns Embree's hit into a point with its error bound, and looks up the textures of its material. That surface by itself:
+    /// [`Self::met`] is what a ray meets.
     #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
         let found = self.plain_interaction(ray, hit);
@@ -330,7 +371,7 @@ impl Scene {
 
     /// [`Self::interaction`] without textures.
     #[inline(always)]
-    fn plain_interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
+    pub(super) fn plain_interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
         if let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance) {
             let surface = &self.parts.surfaces[*index as usize];
             if let Geometry::Mesh(mesh) = &surface.geometry {
@@ -387,6 +428,11 @@ impl Scene {
             return None;
         }
         let point = TrianglePoint::new(buffers.corners(hit.primitive), hit.uv)?.closer(ray, hit.t);
+        if let Some(contacts) = &self.contacts
+            && contacts.may_touch(*index, point.position.into())
+        {
+            return None;
+        }
         let cosine = -point.normal.dot(Vec3A::from(ray.direction));
         let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
         let facing = if cosine > 0.0 { point.normal } else { -point.normal };
@@ -481,7 +527,7 @@ impl Scene {
     /// elsewhere.
     pub fn surface_at(&self, position: Vec3, normal: Vec3) -> Option<SurfaceInteraction> {
         let down = Ray { origin: position + normal * ROUNDED, direction: -normal, t_max: 2.0 * ROUNDED };
-        let hit = self.interaction(&down, &self.parts.embree.intersect(&down)?);
+        let hit = self.met(&down, &self.parts.embree.intersect(&down)?);
         (hit.facing_normal().dot(normal) >= SAME_SURFACE_COS).then_some(hit)
     }
 
@@ -504,7 +550,38 @@ impl Scene {
     fn crossing(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Crossing> {
         let [inside, outside] = self.material(hit).media()?;
         let (near, far) = if hit.is_front() { (outside, inside) } else { (inside, outside) };
-        Some(current.crossing(near, far, &self.parts.media))
+        let crossing = if hit.borders.is_empty() {
+            current.crossing(near, far, &self.parts.media)
+        } else {
+            hit.borders.crossing(current, &self.parts.media)?
+        };
+        if crossing.is_full {
+            self.note_overfull(&crossing, far);
+        }
+        Some(crossing)
+    }
+
+    #[cold]
+    fn note_overfull(&self, crossing: &Crossing, entered: MediumId) {
+        // What is in there is whole whatever a thread that had it did.
+        let mut overfull = self.overfull.lock().unwrap_or_else(PoisonError::into_inner);
+        overfull.extend(crossing.before.media().chain(Some(entered).filter(|&id| id != AIR)));
+    }
+
+    /// Names of the media of bodies that rays found overlapping at one place, where those were more than
+    /// [`crate::media::MOST_MEDIA`] and could not all be followed. Empty where that did not happen.
+    pub fn overfull(&self) -> Vec<&str> {
+        let overfull = self.overfull.lock().unwrap_or_else(PoisonError::into_inner);
+        overfull.iter().map(|&id| self.medium(id).name.as_str()).collect()
+    }
+
+    /// [`Self::crossing`] for what passes the place of a hit whatever is there: also borders that an opaque surface covers.
+    #[inline]
+    fn crossing_behind(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Crossing> {
+        if hit.borders.is_empty() {
+            return self.crossing(current, hit);
+        }
+        hit.borders.crossing(current, &self.parts.media)
     }
 
     /// [`Self::intersect`] for a ray within `current`, which passes the borders of bodies that are not there because another
@@ -586,7 +663,7 @@ impl Scene {
         if !transmission {
             return Some(current);
         }
-        Some(self.crossing(current, hit).map_or(current, |crossing| crossing.after))
+        Some(self.crossing_behind(current, hit).map_or(current, |crossing| crossing.after))
     }
 
     /// Where a ray is that meets the border of a body from inside without having entered it, as the border says; `None` where
@@ -634,15 +711,15 @@ impl Scene {
         let (mut start, mut at, mut found) = (Surroundings::AIR, Surroundings::AIR, false);
         for _ in 0..CROSSINGS {
             let Some(hit) = self.intersect(&ray) else { return found.then_some(start) };
-            if let Some(crossing) = self.crossing(at, &hit) {
+            let [near, far] =
+                [hit.is_front(), !hit.is_front()].map(|front| self.material(&hit).medium_on(front));
+            let alone = near.zip(far).filter(|_| hit.borders.is_empty());
+            for (near, far) in alone.into_iter().chain(hit.borders.each()) {
+                let crossing = at.crossing(near, far, &self.parts.media);
                 found = true;
-                if !crossing.fits && crossing.before != at {
-                    let [near, far] = [hit.is_front(), !hit.is_front()]
-                        .map(|front| self.material(&hit).medium_on(front).unwrap_or(AIR));
-                    // A border that names both media says what fills the place, which is a contradiction within another body.
-                    if far == AIR || at == Surroundings::AIR {
-                        start = start.crossing(AIR, near, &self.parts.media).after;
-                    }
+                // A border that names both media says what fills the place, which is a contradiction within another body.
+                if !crossing.fits && crossing.before != at && (far == AIR || at == Surroundings::AIR) {
+                    start = start.crossing(AIR, near, &self.parts.media).after;
                 }
                 at = crossing.after;
             }
@@ -676,6 +753,7 @@ fn found(
         tint: Rgb::ONE,
         glow: Rgb::ONE,
         painted: None,
+        borders: Borders::default(),
     }
 }
 

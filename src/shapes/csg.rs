@@ -240,6 +240,10 @@ impl Procedural for Csg {
         self.bounds
     }
 
+    fn may_be_in(&self, _primitive: u32, region: &Bounds3) -> bool {
+        self.solids.iter().any(|solid| solid.may_be_in(region))
+    }
+
     fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
         nearest_by_refining(self, primitive, ray)
     }

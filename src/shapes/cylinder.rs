@@ -1,7 +1,7 @@
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
-    AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
-    positive_radius, seen_from, solid_angle_density, tangents,
+    AreaSample, Patch, ShapeError, SolidAngleSample, distances_2d, error_bound, finite, grown,
+    nearest_by_refining, positive_radius, seen_from, solid_angle_density, tangents,
 };
 use crate::embree::{ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
@@ -109,6 +109,18 @@ fn complement(v: DVec3) -> DVec3 {
 impl Procedural for Cylinder {
     fn bounds(&self, _primitive: u32) -> Bounds3 {
         self.bounds()
+    }
+
+    fn may_be_in(&self, _primitive: u32, region: &Bounds3) -> bool {
+        let (half, center) = (0.5 * (region.max - region.min), region.center() - self.base);
+        let turned = |v: DVec3, axis: DVec3| (v.dot(axis), half.dot(axis.abs()));
+        let [x, y, z] = [self.x, self.y, self.axis].map(|axis| turned(center, axis));
+        let room = 1e-12 * (self.radius + self.height + center.length() + half.length());
+        let (low, high) = distances_2d([x, y]);
+        z.0 + z.1 >= -room
+            && z.0 - z.1 <= self.height + room
+            && low - room <= self.radius
+            && self.radius <= high + room
     }
 
     fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {

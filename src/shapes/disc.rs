@@ -87,6 +87,14 @@ impl Procedural for Disc {
         self.bounds()
     }
 
+    fn may_be_in(&self, _primitive: u32, region: &Bounds3) -> bool {
+        let half = 0.5 * (region.max - region.min);
+        let height = (region.center() - self.center).dot(self.normal);
+        let room = 1e-12 * (self.radius + height.abs());
+        height.abs() <= self.normal.abs().dot(half) + room
+            && region.distances(self.center).0 <= self.radius + room
+    }
+
     fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
         nearest_by_refining(self, primitive, ray)
     }

@@ -157,6 +157,13 @@ fn grown(bounds: Bounds3) -> Bounds3 {
     Bounds3 { min: bounds.min - margin, max: bounds.max + margin }
 }
 
+/// Distances from the origin to the nearest and to the farthest point of a rectangle, given as center and half extent along each
+/// axis.
+fn distances_2d(sides: [(f64, f64); 2]) -> (f64, f64) {
+    let [x, y] = sides.map(|(center, half)| ((center.abs() - half).max(0.0), center.abs() + half));
+    (x.0.hypot(y.0), x.1.hypot(y.1))
+}
+
 /// [`Procedural::nearest`] of a shape that has its own `intersect` and `refine`.
 fn nearest_by_refining(shape: &impl Procedural, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
     let t = shape.intersect(primitive, ray)?;

@@ -1,6 +1,6 @@
 use super::span::Span;
 use super::torus::torus_roots;
-use super::{Chart, ShapeError, error_bound, finite, grown, positive_radius, tangents};
+use super::{Chart, ShapeError, distances_2d, error_bound, finite, grown, positive_radius, tangents};
 use crate::embree::SurfacePoint;
 use crate::math::{Bounds3, Ray, unit_f64};
 use arrayvec::ArrayVec;
@@ -276,6 +276,56 @@ impl Solid {
                     false,
                 );
                 cap(front, front_curvature, 1.0, FRONT).and(cap(back, back_curvature, -1.0, BACK)).and(rim)
+            }
+        }
+    }
+
+    /// False where no point of the body's surface is in the box.
+    pub(super) fn may_be_in(&self, region: &Bounds3) -> bool {
+        // A box around the box in the body's own space.
+        let center = self.to_local * (region.center() - self.center);
+        let half = 0.5 * (region.max - region.min);
+        let rows = self.to_local.transpose();
+        let half =
+            DVec3::new(rows.x_axis.abs().dot(half), rows.y_axis.abs().dot(half), rows.z_axis.abs().dot(half));
+        let half = half + 1e-12 * (1.0 + center.abs() + half);
+        let own = Bounds3 { min: center - half, max: center + half };
+        let (low, high) = distances_2d([(center.x, half.x), (center.y, half.y)]);
+        let meets = |from: f64, to: f64, at: f64| from <= at && at <= to;
+        match self.form {
+            Form::Sphere => {
+                let (low, high) = own.distances(DVec3::ZERO);
+                meets(low, high, 1.0)
+            }
+            Form::Box => {
+                let is_inside = own.min.cmpgt(DVec3::NEG_ONE).all() && own.max.cmplt(DVec3::ONE).all();
+                own.min.cmple(DVec3::ONE).all() && own.max.cmpge(DVec3::NEG_ONE).all() && !is_inside
+            }
+            Form::Cone { middle, taper } => {
+                let (bottom, top) = (own.min.z.max(-1.0), own.max.z.min(1.0));
+                let (wide, narrow) = (middle - taper * bottom, middle - taper * top);
+                let is_inside = own.min.z > -1.0 && own.max.z < 1.0 && high < narrow;
+                bottom <= top && low <= wide && !is_inside
+            }
+            Form::Torus { minor } => {
+                // In the half plane of radius and height, a circle around (1, 0).
+                let place = (0.5 * (low + high), 0.5 * (high - low));
+                let (low, high) = distances_2d([(place.0 - 1.0, place.1), (center.z, half.z)]);
+                meets(low, high, minor)
+            }
+            Form::Lens { front, back, front_curvature, back_curvature } => {
+                let cap = |apex: f64, curvature: f64, radius: f64| {
+                    let bent = (1.0 - (curvature * radius).powi(2)).max(0.0).sqrt();
+                    apex - curvature * radius * radius / (1.0 + bent)
+                };
+                let rim = high.min(1.0);
+                let touches_cap = |apex: f64, curvature: f64, from: f64, to: f64| {
+                    from <= cap(apex, curvature, low) && cap(apex, curvature, rim) <= to
+                };
+                low <= 1.0
+                    && (touches_cap(front, front_curvature, own.min.z, own.max.z)
+                        || touches_cap(back, back_curvature, -own.max.z, -own.min.z)
+                        || high >= 1.0 && own.max.z >= -back && own.min.z <= front)
             }
         }
     }

@@ -153,6 +153,13 @@ impl Procedural for Sphere {
         self.bounds()
     }
 
+    fn may_be_in(&self, _primitive: u32, region: &Bounds3) -> bool {
+        let (low, high) = region.distances(self.center);
+        // Rounding of the distances.
+        let room = 1e-12 * (self.radius + high);
+        low - room <= self.radius && self.radius <= high + room
+    }
+
     fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
         nearest_by_refining(self, primitive, ray)
     }

@@ -8,6 +8,7 @@
 mod adaptive;
 mod cache;
 mod closed_forms;
+mod contact;
 mod crossings;
 mod determinism;
 mod direct;

@@ -1,0 +1,294 @@
+//! Surfaces that touch: where a border between media lies at the same place as another surface, to within rounding.
+//!
+//! A ray that meets one of them meets them all, in a stated order (`docs/conventions.md`), and goes on from beyond them. Where
+//! that can be is found when a scene is made, so that rays elsewhere pay for no second look.
+
+use super::crossings::Crossings;
+use super::surface::{HitPoint, SurfaceInteraction};
+use super::touching::{Touching, find_touching};
+use super::world::{Scene, SceneParts};
+use crate::embree::RawHit;
+use crate::math::{Bounds3, Ray};
+use crate::media::{AIR, Crossing, Medium, MediumId, Surroundings};
+use arrayvec::ArrayVec;
+use glam::Vec3;
+use std::cell::RefCell;
+
+/// Borders that a ray passes at one place; those of a pair of media count once however many lie there.
+const MOST_BORDERS: usize = 4;
+
+/// The borders between media at the place of a hit, where another surface lies there too. None for all other hits, which are
+/// what their own material says.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub struct Borders {
+    /// Medium on the side that the ray comes from, that on the other side, and how many such borders; in the order in which
+    /// they are passed.
+    pairs: [(MediumId, MediumId, u16); MOST_BORDERS],
+    count: u8,
+    /// More than there is room for.
+    is_full: bool,
+}
+
+impl Borders {
+    /// Whether the hit is a surface by itself.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    fn push(&mut self, near: MediumId, far: MediumId) {
+        let count = usize::from(self.count);
+        if let Some(pair) = self.pairs[..count].iter_mut().find(|pair| (pair.0, pair.1) == (near, far)) {
+            pair.2 = pair.2.saturating_add(1);
+        } else if let Some(pair) = self.pairs.get_mut(count) {
+            *pair = (near, far, 1);
+            self.count += 1;
+        } else {
+            self.is_full = true;
+        }
+    }
+
+    /// Medium on the side that the ray comes from and on the other side, of each border.
+    pub(super) fn each(&self) -> impl Iterator<Item = (MediumId, MediumId)> + '_ {
+        let passed = self.pairs.iter().take(usize::from(self.count));
+        passed.flat_map(|&(near, far, count)| (0..count).map(move |_| (near, far)))
+    }
+
+    /// What a ray from within `current` passes at all of them together; `None` where there are none.
+    pub(super) fn crossing(&self, current: Surroundings, media: &[Medium]) -> Option<Crossing> {
+        let mut all: Option<Crossing> = None;
+        for (near, far) in self.each() {
+            all = Some(match all {
+                None => current.crossing(near, far, media),
+                Some(before) => before.and(near, far, media),
+            });
+        }
+        all.map(|crossing| Crossing { fits: crossing.fits && !self.is_full, ..crossing })
+    }
+}
+
+/// Where surfaces of a scene touch.
+#[derive(Debug)]
+pub(super) struct Contacts {
+    /// By surface; empty where it touches nothing.
+    regions: Vec<Regions>,
+    /// Half the length of the segment across a surface that meets all that touches it there.
+    reach: f32,
+    /// Largest distance between surfaces that touch.
+    distance: f32,
+    /// Surfaces that touch, each pair once.
+    pairs: Vec<[u32; 2]>,
+}
+
+impl Contacts {
+    /// `None` where no border between media touches anything.
+    pub(super) fn find(parts: &SceneParts) -> Option<Self> {
+        let Touching { mut boxes, reach, distance, pairs } = find_touching(parts)?;
+        let regions = boxes.iter_mut().map(|boxes| Regions::new(boxes)).collect();
+        Some(Self { regions, reach, distance, pairs })
+    }
+
+    /// Whether the surface may touch another one at `position`.
+    #[inline]
+    pub(super) fn may_touch(&self, surface: u32, position: Vec3) -> bool {
+        self.regions.get(surface as usize).is_some_and(|regions| regions.contain(position))
+    }
+
+    /// Whether the surface touches another one anywhere.
+    pub(super) fn touches(&self, surface: usize) -> bool {
+        self.regions.get(surface).is_some_and(|regions| !regions.nodes.is_empty())
+    }
+
+    pub(super) fn reach(&self) -> f32 {
+        self.reach
+    }
+
+    /// Beyond that surfaces do not touch.
+    pub(super) fn distance(&self) -> f32 {
+        self.distance
+    }
+
+    pub(super) fn pairs(&self) -> &[[u32; 2]] {
+        &self.pairs
+    }
+}
+
+/// Boxes in a tree, for the question whether a point is in one of them.
+#[derive(Debug, Default)]
+struct Regions {
+    nodes: Vec<RegionNode>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct RegionNode {
+    min: Vec3,
+    max: Vec3,
+    /// The node to go on with where the point is outside: behind all that is below this one.
+    next: u32,
+    is_leaf: bool,
+}
+
+/// Boxes that are put together.
+const LEAF: usize = 2;
+
+impl Regions {
+    fn new(boxes: &mut [Bounds3]) -> Self {
+        let mut tree = Self::default();
+        if !boxes.is_empty() {
+            tree.add(boxes);
+        }
+        tree
+    }
+
+    fn add(&mut self, boxes: &mut [Bounds3]) {
+        let around = boxes.iter().fold(Bounds3::EMPTY, |all, one| all.union(*one));
+        let (min, max) = around.to_f32_outward();
+        let place = self.nodes.len();
+        let is_leaf = boxes.len() <= LEAF;
+        self.nodes.push(RegionNode { min: min.into(), max: max.into(), next: 0, is_leaf });
+        if !is_leaf {
+            let extent = (around.max - around.min).to_array();
+            let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
+            let (low, high) = {
+                let middle = boxes.len() / 2;
+                boxes.select_nth_unstable_by(middle, |a, b| a.center()[axis].total_cmp(&b.center()[axis]));
+                boxes.split_at_mut(middle)
+            };
+            self.add(low);
+            self.add(high);
+        }
+        self.nodes[place].next = self.nodes.len() as u32;
+    }
+
+    #[inline]
+    fn contain(&self, point: Vec3) -> bool {
+        let mut at = 0;
+        while let Some(node) = self.nodes.get(at) {
+            let is_inside = point.cmpge(node.min).all() && point.cmple(node.max).all();
+            if is_inside && node.is_leaf {
+                return true;
+            }
+            at = if is_inside { at + 1 } else { node.next as usize };
+        }
+        false
+    }
+}
+
+/// Surfaces at one place that are told apart. More than that are counted as a contradiction.
+const MOST_TOGETHER: usize = 16;
+
+/// A surface at the place of a hit.
+struct Member {
+    found: SurfaceInteraction,
+    raw: RawHit,
+    /// Above the hit, along its normal.
+    height: f32,
+}
+
+thread_local! {
+    /// Room for the crossings at one place: no ray allocates.
+    static CROSSINGS: RefCell<Crossings> = RefCell::default();
+}
+
+impl Scene {
+    /// What a ray meets where it hit `found`, without textures: that surface, or of all that lie at the same place the one that
+    /// comes first.
+    #[inline(never)]
+    pub(super) fn first_of_contact(
+        &self,
+        contacts: &Contacts,
+        found: SurfaceInteraction,
+        raw: &RawHit,
+    ) -> (SurfaceInteraction, RawHit) {
+        CROSSINGS.with(|crossings| match crossings.try_borrow_mut() {
+            Ok(mut crossings) => self.first_at(contacts, found, raw, &mut crossings),
+            Err(_) => self.first_at(contacts, found, raw, &mut Crossings::default()),
+        })
+    }
+
+    fn first_at(
+        &self,
+        contacts: &Contacts,
+        found: SurfaceInteraction,
+        raw: &RawHit,
+        crossings: &mut Crossings,
+    ) -> (SurfaceInteraction, RawHit) {
+        let HitPoint { position, normal, offset, .. } = found.point;
+        let across =
+            Ray { t_max: 2.0 * contacts.reach, ..Ray::new(position - normal * contacts.reach, normal) };
+        self.intersect_all(&across, crossings);
+        let mut members: ArrayVec<Member, MOST_TOGETHER> = ArrayVec::new();
+        let mut has_room = true;
+        for other in crossings.hits() {
+            let mut there = self.plain_interaction(&across, other);
+            let along = there.point.normal.dot(normal);
+            let height = (there.point.position - position).dot(normal);
+            if along.abs() < SAME_PLANE || height.abs() > offset + there.point.offset {
+                continue;
+            }
+            // As the ray meets it, which came along another line than the one across.
+            there.wo = found.wo;
+            there.distance = found.distance;
+            if there.is_front() != (found.is_front() == (along > 0.0)) {
+                // Along the surfaces rounding decides between their normals: all have the side of the hit.
+                there.point.normal = normal * along.signum();
+                there.shading_normal = there.point.normal;
+            }
+            has_room &= members.try_push(Member { found: there, raw: *other, height }).is_ok();
+        }
+        // The ray's own hit, which may be beside its triangle by rounding as seen across.
+        let is_own = |member: &Member| {
+            (member.raw.geometry, member.raw.instance) == (raw.geometry, raw.instance)
+                && member.found.is_front() == found.is_front()
+        };
+        match members.iter_mut().filter(|member| is_own(member)).min_by(|a, b| {
+            let is_other = |member: &Member| member.raw.primitive != raw.primitive;
+            is_other(a).cmp(&is_other(b)).then(a.height.abs().total_cmp(&b.height.abs()))
+        }) {
+            Some(own) => *own = Member { found, raw: *raw, height: 0.0 },
+            None => has_room &= members.try_push(Member { found, raw: *raw, height: 0.0 }).is_ok(),
+        }
+        if members.len() < 2 {
+            return (found, *raw);
+        }
+        let first = members.iter().min_by_key(|member| self.order_of(member));
+        let Some(first) = first else { return (found, *raw) };
+        let (mut chosen, chosen_raw, at) = (first.found, first.raw, first.height);
+        chosen.borders = self.borders_of(&members, has_room);
+        // Beyond all of them, on either side.
+        let clear = members.iter().map(|member| (member.height - at).abs() + member.found.point.offset);
+        chosen.point.offset = clear.fold(chosen.point.offset, f32::max);
+        (chosen, chosen_raw)
+    }
+
+    /// What is met first of surfaces at one place: those that bound no media, in the order of the file; else the border of
+    /// the medium that displaces the others.
+    fn order_of(&self, member: &Member) -> (u32, u32, u32, u32) {
+        let hit = &member.found;
+        let rank = match self.material(hit).media() {
+            None => return (0, 0, hit.surface, hit.primitive),
+            Some(bounded) => bounded.into_iter().filter(|&id| id != AIR).map(|id| self.medium(id).rank),
+        };
+        (1, rank.min().unwrap_or(u32::MAX), hit.surface, hit.primitive)
+    }
+
+    /// All borders among them, those of bodies that the ray leaves before those of bodies that it enters.
+    fn borders_of(&self, members: &[Member], has_room: bool) -> Borders {
+        let mut borders = Borders { is_full: !has_room, ..Borders::default() };
+        for leaving in [true, false] {
+            for member in members {
+                let hit = &member.found;
+                let Some([inside, outside]) = self.material(hit).media() else { continue };
+                let (near, far) = if hit.is_front() { (outside, inside) } else { (inside, outside) };
+                // What bounds a body towards air is left or entered; what names both is passed on the way out.
+                if (near != AIR) == leaving {
+                    borders.push(near, far);
+                }
+            }
+        }
+        borders
+    }
+}
+
+/// Least cosine between normals of surfaces that lie in each other: others have an order along the ray.
+const SAME_PLANE: f32 = 0.5;
