@@ -3,7 +3,7 @@
 SCENE := scenes/cornell-spheres.toml
 PICTURE := out/cornell-spheres.exr
 
-.PHONY: demo test readme bench peers results quality accuracy check fmt clippy doc setup
+.PHONY: demo test test-isa readme bench peers results quality accuracy check fmt clippy doc setup
 
 # Renders a scene, in a minute or so.
 demo: setup
@@ -14,6 +14,15 @@ demo: setup
 
 test: setup
 	cargo test --release --workspace
+
+# All tests under each instruction set that this machine has, the best one last.
+test-isa: setup
+	@for isa in sse4.2 avx2 avx512; do \
+	    needs=$$(echo $$isa | sed 's/avx512/avx512vl/; s/sse4.2/sse4_2/'); \
+	    grep -qw "$$needs" /proc/cpuinfo || { echo "$$isa: this machine does not have it"; continue; }; \
+	    echo "== $$isa"; \
+	    CARDIOID_ISA=$$isa cargo test --release --workspace || exit 1; \
+	done
 
 # Every line of README.md that starts the program, at quick settings, in a copy of this folder.
 readme: setup

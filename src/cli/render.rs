@@ -6,6 +6,7 @@ use super::picture::{Loaded, SceneArgs, crop, filter_of, load};
 use super::progress::{Console, catch_interrupts, end_with_input, interrupted};
 use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
+use cardioid::embree::Isa;
 use cardioid::film::{Developed, Film, LayerSet, PixelRect, ToneCurve, ToneMap};
 use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels, Window};
 use cardioid::render::{
@@ -476,21 +477,13 @@ fn metadata(
     Ok(metadata)
 }
 
-/// The architecture, and the widest instructions that Embree finds: hits differ in the last bits between them.
+/// The architecture, and the instruction set of Embree's kernels: hits differ in the last bits between them.
 fn instruction_set() -> String {
-    let arch = std::env::consts::ARCH;
-    #[cfg(target_arch = "x86_64")]
-    for (name, present) in [
-        ("avx512", is_x86_feature_detected!("avx512f")),
-        ("avx2", is_x86_feature_detected!("avx2")),
-        ("avx", is_x86_feature_detected!("avx")),
-        ("sse4.2", is_x86_feature_detected!("sse4.2")),
-    ] {
-        if present {
-            return format!("{arch} {name}");
-        }
-    }
-    arch.to_owned()
+    let isa = match Isa::from_environment() {
+        Ok(Isa::Best) | Err(_) => Isa::detected(),
+        Ok(isa) => isa,
+    };
+    format!("{} {}", std::env::consts::ARCH, isa.name()).trim_end().to_owned()
 }
 
 fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool) {

@@ -29,6 +29,9 @@ pub enum EmbreeError {
         /// Embree's own words.
         message: String,
     },
+    /// The environment asks for an instruction set that does not exist or that this machine does not have.
+    #[error("CARDIOID_ISA is {0:?}; it must be one of {names} that this machine has, or not be set", names = Isa::names())]
+    InstructionSet(String),
     /// More primitives than a 32-bit index can name.
     #[error("{0} primitives in one geometry; Embree counts to 4294967294")]
     TooManyPrimitives(usize),
@@ -52,6 +55,87 @@ impl fmt::Display for LibraryVersion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (major, minor, patch) = self.parts;
         write!(f, "{major}.{minor}.{patch}")
+    }
+}
+
+/// Instruction set that Embree's kernels use. Kernels of different sets round distances and barycentrics differently.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// The widest that the machine has: Embree's own choice.
+    Best,
+    /// SSE 4.2.
+    Sse42,
+    /// AVX2.
+    Avx2,
+    /// AVX-512 (F, DQ, CD, BW and VL).
+    Avx512,
+}
+
+impl Isa {
+    /// Environment variable that holds Embree to one of [`Self::name`], in programs and tests alike.
+    pub const VARIABLE: &str = "CARDIOID_ISA";
+
+    /// Embree's own name of it; empty for its own choice.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Best => "",
+            Self::Sse42 => "sse4.2",
+            Self::Avx2 => "avx2",
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    fn names() -> String {
+        [Self::Sse42, Self::Avx2, Self::Avx512].map(Self::name).join(", ")
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn is_available(self) -> bool {
+        match self {
+            Self::Best => true,
+            Self::Sse42 => std::is_x86_feature_detected!("sse4.2"),
+            Self::Avx2 => std::is_x86_feature_detected!("avx2") && std::is_x86_feature_detected!("fma"),
+            Self::Avx512 => {
+                std::is_x86_feature_detected!("avx512f")
+                    && std::is_x86_feature_detected!("avx512dq")
+                    && std::is_x86_feature_detected!("avx512cd")
+                    && std::is_x86_feature_detected!("avx512bw")
+                    && std::is_x86_feature_detected!("avx512vl")
+            }
+        }
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
+    fn is_available(self) -> bool {
+        self == Self::Best
+    }
+
+    /// The instruction set of this name, on a machine that has it. Embree itself would run into an illegal instruction.
+    ///
+    /// # Errors
+    /// [`EmbreeError::InstructionSet`] for another name, or one that the machine does not have.
+    pub fn from_name(name: &str) -> Result<Self, EmbreeError> {
+        [Self::Best, Self::Sse42, Self::Avx2, Self::Avx512]
+            .into_iter()
+            .find(|isa| isa.name() == name && isa.is_available())
+            .ok_or_else(|| EmbreeError::InstructionSet(name.to_owned()))
+    }
+
+    /// The widest set that this machine has.
+    pub fn detected() -> Self {
+        [Self::Avx512, Self::Avx2, Self::Sse42]
+            .into_iter()
+            .find(|isa| isa.is_available())
+            .unwrap_or(Self::Best)
+    }
+
+    /// What [`Self::VARIABLE`] asks for; [`Self::Best`] where it is empty or not set.
+    ///
+    /// # Errors
+    /// As [`Self::from_name`].
+    pub fn from_environment() -> Result<Self, EmbreeError> {
+        let value = std::env::var_os(Self::VARIABLE).unwrap_or_default();
+        Self::from_name(&value.to_string_lossy())
     }
 }
 
@@ -122,12 +206,15 @@ impl Device {
         self.bytes.as_ref().map(|bytes| bytes.load(Ordering::Relaxed).max(0) as u64)
     }
 
-    /// A device that builds with at most `threads` threads; 0 means one for each core.
+    /// A device that builds with at most `threads` threads; 0 means one for each core. Its kernels are of the instruction set
+    /// that [`Isa::from_environment`] tells.
     ///
     /// # Errors
-    /// Where Embree cannot start, or is too old for the layout of its own structures.
+    /// Where Embree cannot start, or is too old for the layout of its own structures, or the instruction set is not there.
     pub fn new(threads: usize) -> Result<Self, EmbreeError> {
-        let config = CString::new(format!("threads={threads}")).unwrap_or_default();
+        let isa = Isa::from_environment()?;
+        let choice = if isa == Isa::Best { String::new() } else { format!(",isa={}", isa.name()) };
+        let config = CString::new(format!("threads={threads}{choice}")).unwrap_or_default();
         // SAFETY: a NUL-terminated configuration string that lives for the call.
         let handle = unsafe { sys::rtcNewDevice(config.as_ptr()) };
         if handle.is_null() {
@@ -193,6 +280,16 @@ impl Drop for Device {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn instruction_sets_are_asked_for_by_name() {
+        assert_eq!(Isa::from_name("").unwrap(), Isa::Best);
+        for name in ["sse4", "AVX2", "avx1024", "isa=avx2"] {
+            let error = Isa::from_name(name).unwrap_err();
+            assert_eq!(error, EmbreeError::InstructionSet(name.to_owned()));
+            assert!(error.to_string().contains("sse4.2, avx2, avx512"), "{error}");
+        }
+    }
 
     #[test]
     fn version_is_at_least_4_3() {

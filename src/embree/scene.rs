@@ -499,11 +499,14 @@ mod tests {
         drop(inner);
 
         let down = |x: f32, z: f32| Ray::new(Vec3::new(x, 0.25, z), Vec3::NEG_Z);
+        // Embree rounds differently for each instruction set; a few roundoffs of the coordinates are what it may differ by.
+        let is_about = |a: f32, b: f32, scale: f32| (a - b).abs() <= 8.0 * f32::EPSILON * scale;
         let hit = scene.intersect(&down(10.25, 7.0)).unwrap();
-        assert_eq!((hit.geometry, hit.instance, hit.t), (0, Some(1), 2.0));
-        assert_eq!(hit.uv, [0.25, 0.25]);
+        assert_eq!((hit.geometry, hit.instance), (0, Some(1)));
+        assert!(is_about(hit.t, 2.0, 10.25), "{}", hit.t);
+        assert!(hit.uv.iter().all(|x| is_about(*x, 0.25, 10.25)), "{:?}", hit.uv);
         let hit = scene.intersect(&down(0.25, 2.0)).unwrap();
-        assert!(hit.instance.is_none() && hit.t == 2.0);
+        assert!(hit.instance.is_none() && is_about(hit.t, 2.0, 2.0), "{}", hit.t);
         assert!(scene.intersect(&down(5.0, 2.0)).is_none());
         assert!(scene.occluded(&down(0.25, 2.0)) && !scene.occluded(&down(5.0, 2.0)));
         assert!(!scene.occluded(&Ray { t_max: 1.9, ..down(0.25, 2.0) }));
