@@ -510,6 +510,15 @@ fn a_render_writes_what_it_says() {
     assert_eq!(text("cardioid/version"), env!("CARGO_PKG_VERSION"));
     assert_eq!(text("cardioid/sceneHash").len(), 64);
     assert!(text("cardioid/embree").contains('.'));
+    // Every number in the layers of ids has a name.
+    for (key, layer) in [("cardioid/objects", "object"), ("cardioid/materials", "material")] {
+        let names: Value = serde_json::from_str(&text(key)).unwrap();
+        let ids = &image.layers.iter().find(|found| found.name == layer).unwrap().values;
+        assert!(ids.iter().any(|id| *id >= 0.0));
+        for id in ids.iter().filter(|id| **id >= 0.0) {
+            assert!(names[id.to_string()].is_string(), "{layer} {id} in {names}");
+        }
+    }
     let settings: Value = serde_json::from_str(&text("cardioid/settings")).unwrap();
     assert_eq!((&settings["seed"], &settings["spp"]), (&7.into(), &2.into()));
     let plan: Value = serde_json::from_str(&text("cardioid/plan")).unwrap();

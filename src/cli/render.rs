@@ -15,6 +15,7 @@ use cardioid::render::{
 };
 use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -470,11 +471,30 @@ fn metadata(
         ("cardioid/window".into(), format!("{},{},{},{}", rect.x0, rect.y0, rect.x1, rect.y1).into()),
         ("cardioid/fullSize".into(), format!("{}x{}", developed.width, developed.height).into()),
     ];
+    let scene = &loaded.built.scene;
+    let object: NameOf<'_> = &|id| scene.surfaces().get(id).map(|surface| surface.name.as_str());
+    let material: NameOf<'_> = &|id| scene.materials().get(id).map(|(name, _)| name.as_str());
+    for (key, layer, name_of) in
+        [("cardioid/objects", "object", object), ("cardioid/materials", "material", material)]
+    {
+        if let Some(layer) = developed.layers.iter().find(|found| found.name == layer) {
+            metadata.push((key.into(), json(serde_json::to_string(&names_in(&layer.values, name_of)))?));
+        }
+    }
     if let Some(rounds) = &statistics.rounds {
         metadata.push(("cardioid/rounds".into(), MetadataValue::Double(rounds.done as f64)));
         metadata.push(("cardioid/error".into(), json(serde_json::to_string(&rounds.error))?));
     }
     Ok(metadata)
+}
+
+/// Name of the object or material of a number.
+type NameOf<'a> = &'a dyn Fn(usize) -> Option<&'a str>;
+
+/// Names by number, of the numbers that a layer of ids holds. It has -1 where nothing is seen.
+fn names_in<'a>(ids: &[f32], name_of: NameOf<'a>) -> BTreeMap<usize, &'a str> {
+    let seen: BTreeSet<usize> = ids.iter().filter(|id| **id >= 0.0).map(|id| *id as usize).collect();
+    seen.into_iter().filter_map(|id| Some((id, name_of(id)?))).collect()
 }
 
 /// The architecture, and the instruction set of Embree's kernels: hits differ in the last bits between them.

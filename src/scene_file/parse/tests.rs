@@ -708,15 +708,17 @@ fn toml_blocks(page: &str) -> Vec<(usize, String)> {
 
 #[test]
 fn examples_of_the_documentation_are_scenes() {
-    let path = checkout().join("docs/scene-format.md");
-    let blocks = toml_blocks(&std::fs::read_to_string(&path).unwrap());
-    assert!(blocks.len() > 8);
-    for (line, block) in blocks {
-        let white = if block.contains("[materials.white]") { "" } else { WHITE };
-        let ball = if block.contains("[[shapes]]") { "" } else { BALL };
-        let scene = parse_scene(&format!("{block}{white}{ball}"), &path, &[]);
-        let scene = scene.unwrap_or_else(|error| panic!("block at line {line}: {error}"));
-        assert_eq!(scene.warnings, [], "block at line {line}");
+    for (page, least) in [("docs/scene-format.md", 9), ("docs/tutorial.md", 1)] {
+        let path = checkout().join(page);
+        let blocks = toml_blocks(&std::fs::read_to_string(&path).unwrap());
+        assert!(blocks.len() >= least);
+        for (line, block) in blocks {
+            let white = if block.contains("[materials.white]") { "" } else { WHITE };
+            let ball = if block.contains("[[shapes]]") { "" } else { BALL };
+            let scene = parse_scene(&format!("{block}{white}{ball}"), &path, &[]);
+            let scene = scene.unwrap_or_else(|error| panic!("{page}: block at line {line}: {error}"));
+            assert_eq!(scene.warnings, [], "{page}: block at line {line}");
+        }
     }
 }
 
