@@ -513,7 +513,7 @@ fn a_render_writes_what_it_says() {
     // Every number in the layers of ids has a name.
     for (key, layer) in [("cardioid/objects", "object"), ("cardioid/materials", "material")] {
         let names: Value = serde_json::from_str(&text(key)).unwrap();
-        let ids = &image.layers.iter().find(|found| found.name == layer).unwrap().values;
+        let ids = &image.layers.iter().find(|found| found.name == layer).unwrap().data;
         assert!(ids.iter().any(|id| *id >= 0.0));
         for id in ids.iter().filter(|id| **id >= 0.0) {
             assert!(names[id.to_string()].is_string(), "{layer} {id} in {names}");
