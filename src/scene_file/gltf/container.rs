@@ -7,7 +7,6 @@ use gltf::json;
 use gltf::json::validation::{Error, Validate};
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -51,11 +50,7 @@ fn number(bytes: &[u8], at: usize) -> Option<u32> {
 
 /// The JSON of a file, and the length of the file: of a GLB nothing else is read.
 pub(super) fn split_head(path: &Path) -> io::Result<(Vec<u8>, u64)> {
-    let mut file = File::open(path)?;
-    let metadata = file.metadata()?;
-    if !metadata.is_file() {
-        return Err(io::ErrorKind::InvalidInput.into());
-    }
+    let (mut file, length) = crate::files::open_regular(path)?;
     let mut head = Vec::new();
     Read::by_ref(&mut file).take(HEADER as u64 + 8).read_to_end(&mut head)?;
     let mut text = Vec::new();
@@ -66,7 +61,7 @@ pub(super) fn split_head(path: &Path) -> io::Result<(Vec<u8>, u64)> {
             file.read_to_end(&mut text)?;
         }
     }
-    Ok((text, metadata.len()))
+    Ok((text, length))
 }
 
 /// Splits a GLB into its chunks; what does not begin like one is JSON.
