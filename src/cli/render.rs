@@ -10,8 +10,8 @@ use cardioid::embree::Isa;
 use cardioid::film::{Developed, Film, LayerSet, PixelRect, ToneCurve, ToneMap};
 use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels, Window};
 use cardioid::render::{
-    IntegratorKind, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, SavedMaps, Settings,
-    Statistics, Stop, render_in_rounds, render_with_maps,
+    IntegratorKind, Observer, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, SavedMaps,
+    Settings, Statistics, Stop, render_in_rounds, render_with_maps,
 };
 use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
@@ -159,7 +159,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let request = request(args, &loaded);
         if args.time_limit.is_some() {
             console.busy("measuring how fast the disk is");
-            console.reserve(pictures.time_to_write(&request)?);
+            // What is measured while the machine is busy with something else must not take all the time.
+            let left = console.deadline().map(|end| end.saturating_duration_since(Instant::now()));
+            console.reserve(pictures.time_to_write(&request)?.min(left.unwrap_or_default() / 2));
             console.finish();
         }
         let Loaded { built, .. } = &loaded;

@@ -379,6 +379,9 @@ impl PassTwo<'_> {
     pub(super) fn measure(&self, time: Duration) -> Result<Duration, RenderError> {
         /// Pixels in a batch, for each thread.
         const BATCH: usize = 16;
+        /// One in so many pixels is measured in any case, and at most: fewer tell how busy the machine was just then.
+        const FEWEST: usize = 256;
+        const MOST: usize = 16;
         /// The fractional parts of its multiples fill the unit interval evenly.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let sampler = self.request.filter.sampler()?;
@@ -389,7 +392,8 @@ impl PassTwo<'_> {
         let area = rect.area().max(1);
         let batch = BATCH * rayon::current_num_threads();
         let (start, mut done) = (Instant::now(), 0);
-        while done < batch || done < area / 16 && start.elapsed() < time && !self.observer.is_cancelled() {
+        let has_time = |done| done < area / MOST && start.elapsed() < time && !self.observer.is_cancelled();
+        while done < batch.max(area / FEWEST) || has_time(done) {
             (done..done + batch).into_par_iter().with_max_len(1).for_each_init(
                 Scratch::default,
                 |scratch, n| {
