@@ -1,6 +1,6 @@
 //! What a command writes: checked before it starts, so that no file is lost that it reads, and no hour to a wrong name.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
 use cardioid::image_io;
 use cardioid::scene_file::{SceneDescription, files_of_scene};
 use std::path::{Path, PathBuf};
@@ -76,7 +76,7 @@ impl Outputs {
 
     /// None of the files that are written is one that the scene is read from.
     pub(crate) fn check_scene(&self, scene: &SceneDescription) -> Result<()> {
-        let files = files_of_scene(scene).context("cannot list the files of the scene")?;
+        let files = files_of_scene(scene);
         self.outputs
             .iter()
             .try_for_each(|output| files.iter().try_for_each(|file| refuse_input(output, file)))

@@ -133,7 +133,9 @@ struct ReadFile {
 }
 
 /// The files that a scene names, in the order of their use: meshes, materials, pictures, buffers, profiles of lights.
-fn named_files(scene: &SceneDescription) -> io::Result<Vec<ReadFile>> {
+///
+/// What a mesh names that cannot be read is not among them; whoever reads it says so.
+fn named_files(scene: &SceneDescription) -> Vec<ReadFile> {
     let needed = |path: &PathBuf| ReadFile { path: path.clone(), is_optional: false };
     let mut files: Vec<ReadFile> = scene.further_files.iter().map(needed).collect();
     for shape in &scene.shapes {
@@ -142,7 +144,7 @@ fn named_files(scene: &SceneDescription) -> io::Result<Vec<ReadFile>> {
             if is_gltf_file(path) {
                 files.extend(further_files(path).iter().map(needed));
             } else if *own_materials {
-                let materials = material_files(path)?.into_iter();
+                let materials = material_files(path).unwrap_or_default().into_iter();
                 files.extend(materials.map(|path| ReadFile { path, is_optional: true }));
             }
         }
@@ -154,23 +156,20 @@ fn named_files(scene: &SceneDescription) -> io::Result<Vec<ReadFile>> {
             files.push(needed(path));
         }
     }
-    Ok(files)
+    files
 }
 
 /// All files that a scene is read from: its own text, and what that names, as far as it is there. None of them may be replaced by
 /// what is written of the scene.
-///
-/// # Errors
-/// Where a mesh, which may name further files, cannot be read.
-pub fn files_of_scene(scene: &SceneDescription) -> io::Result<Vec<PathBuf>> {
+pub fn files_of_scene(scene: &SceneDescription) -> Vec<PathBuf> {
     let own = Some(&*scene.location.file).filter(|file| file.as_os_str() != MESH_SCENE_NAME);
-    let named = named_files(scene)?.into_iter().map(|file| file.path);
-    Ok(own.cloned().into_iter().chain(named).collect())
+    let named = named_files(scene).into_iter().map(|file| file.path);
+    own.cloned().into_iter().chain(named).collect()
 }
 
 /// The content of all files that a scene names.
 fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Result<()> {
-    for ReadFile { path, is_optional } in named_files(scene)? {
+    for ReadFile { path, is_optional } in named_files(scene) {
         match hash_file(hasher, &path) {
             Ok(()) => {}
             // The picture has none of its materials either, and a warning.
