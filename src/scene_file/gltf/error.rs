@@ -24,11 +24,17 @@ pub enum GltfProblem {
     #[error(transparent)]
     Image(#[from] ImageError),
     /// It would take more memory than is allowed.
-    #[error(transparent)]
-    Memory(#[from] MemoryError),
+    #[error("{0}")]
+    Memory(Box<MemoryError>),
     /// Anything else.
     #[error("{0}")]
     Other(String),
+}
+
+impl From<MemoryError> for GltfProblem {
+    fn from(error: MemoryError) -> Self {
+        Self::Memory(Box::new(error))
+    }
 }
 
 impl From<String> for GltfProblem {

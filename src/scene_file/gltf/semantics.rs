@@ -62,7 +62,8 @@ fn check_accessor(accessor: &gltf::Accessor<'_>, report: &mut Report) -> Result<
             );
             return fail(name(), problem);
         }
-        if accessor.offset() % size != 0 || view.offset().wrapping_add(accessor.offset()) % size != 0 {
+        let total = view.offset().wrapping_add(accessor.offset());
+        if !accessor.offset().is_multiple_of(size) || !total.is_multiple_of(size) {
             report.warn("alignment", || {
                 format!("{} does not begin at a multiple of {size} bytes, as glTF requires; it is read all the same", name())
             });
