@@ -57,6 +57,20 @@ impl EmissionStart {
     pub fn off_surface(&self, direction: Vec3) -> Vec3 {
         self.position + self.normal * self.offset.copysign(direction.dot(self.normal))
     }
+
+    /// Where a shadow ray from `from` ends, so that it does not meet the light itself.
+    ///
+    /// A ray of a length brings errors of its own to its end, however small the light there: its direction is a rounded
+    /// difference, and Embree takes corners relative to the ray's origin. Along the normal they come to 12 roundoffs of the
+    /// way, to first order: 1 for the direction, 1 for the corners, 2 for the plane through them, 3 for each of the two
+    /// products whose quotient is the ray's parameter, and 2 for that quotient; rounded up for the terms of second order.
+    fn end_of_ray(&self, from: Vec3) -> Vec3 {
+        /// Roundoffs of the way.
+        const OF_WAY: f32 = 16.0;
+        let way = from - self.position;
+        let offset = self.offset + OF_WAY * UNIT_ROUNDOFF * self.normal.abs().dot(way.abs());
+        self.position + self.normal * offset.copysign(way.dot(self.normal))
+    }
 }
 
 /// Up to so many pieces are chosen by area alone.
@@ -223,7 +237,7 @@ impl AreaLight {
             wi,
             radiance_over_pdf: radiance / pdf,
             pdf_solid_angle: pdf,
-            target: Some(start.off_surface(-wi)),
+            target: Some(start.end_of_ray(from)),
             distance: to_light.length() as f32,
         })
         .filter(|sample| sample.radiance_over_pdf.is_finite())
