@@ -16,8 +16,8 @@ mod specular;
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
 pub use direct_at::DirectAt;
 pub use directions::Directions;
-pub use glints::{FARTHEST_GLINT, Glint, GlintMap, GlintView, Hunter, PixelGlints};
-pub use light_importance::{SHARE_BY_FLUX, light_importance};
+pub use glints::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintMap, GlintView, Hunter, PixelGlints};
+pub use light_importance::{PhotonBudget, SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{
     CAUSTIC_POINT_REACH, CachePass, CacheRequest, Narrowing, PhotonMapIntegrator, PhotonMapSettings,

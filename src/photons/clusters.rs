@@ -47,6 +47,9 @@ fn around(targets: &[Target]) -> Target {
         radius: targets.iter().map(reach).fold(0.0, f32::max) * (1.0 + 1e-6),
         density: targets.iter().map(|target| target.density).fold(0.0, f32::max),
         surface: targets[0].surface,
+        bounds: targets.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], target| {
+            [low.min(target.bounds[0]), high.max(target.bounds[1])]
+        }),
     }
 }
 
@@ -59,11 +62,10 @@ mod tests {
     fn clusters_hold_every_target() {
         let mut rng = Rng::new(5, Stream::Measure, 0);
         let targets: Vec<Target> = (0..700)
-            .map(|i| Target {
-                center: warp::square_to_sphere(rng.next_2d()) * rng.next_f32(),
-                radius: 0.02 * rng.next_f32(),
-                density: rng.next_f32(),
-                surface: i,
+            .map(|surface| {
+                let center = warp::square_to_sphere(rng.next_2d()) * rng.next_f32();
+                let sphere = Target::of_sphere(center, 0.02 * rng.next_f32());
+                Target { density: rng.next_f32(), surface, ..sphere }
             })
             .collect();
         assert_eq!(clustered(&targets, 700), targets);
@@ -74,6 +76,8 @@ mod tests {
                 let holds = |cluster: &&Target| {
                     (cluster.center - target.center).length() + target.radius <= cluster.radius * (1.0 + 1e-6)
                         && cluster.density >= target.density
+                        && cluster.bounds[0].cmple(target.bounds[0]).all()
+                        && cluster.bounds[1].cmpge(target.bounds[1]).all()
                 };
                 assert!(clusters.iter().any(|cluster| holds(&cluster)), "{target:?}");
             }

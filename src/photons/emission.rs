@@ -3,18 +3,35 @@
 //! A photon's power is the light's emission over the density with which its start was drawn, so flux is exact
 //! wherever photons are aimed: what is not aimed at is not emitted, and nothing else changes.
 
+use super::box_map::{BoxMap, area_of_boxes};
 use super::clusters::clustered;
 use super::heading_map::HeadingMap;
-use super::projection_map::{DiscMap, ProjectionMap};
+use super::projection_map::{DiscMap, ProjectionMap, one_minus_cos};
 use crate::lights::Light;
 use crate::math::{Frame, Ray, Rgb};
 use crate::sampling::warp;
 use crate::scene::{MapKind, Scene, Target};
 use glam::{Vec2, Vec3};
-use std::f32::consts::PI;
+use std::borrow::Cow;
+use std::f32::consts::{PI, TAU};
 
 /// More objects than this are put together with their neighbours before lights aim at them.
 const MOST_TARGETS: usize = 256;
+
+/// Pairs of lights and objects that are looked at: with more lights, objects are put together further, down to
+/// [`FEW_TARGETS`], so that the tables of all lights grow no faster than lights and objects.
+const MOST_PAIRS: usize = 1 << 18;
+
+/// A light looks at so many objects, however many lights there are: among so few it needs no table of directions.
+const FEW_TARGETS: usize = 8;
+
+/// Photons that take about as long as the table of a light: it gets one for the global map where it is to emit more, or where lights
+/// are few.
+const PHOTONS_PER_TABLE: f64 = 256.0;
+
+/// A light whose photons would meet something less often than this, though they are sent where something may be, is aimed at the
+/// objects themselves: they are smaller than what its table can tell.
+const SPARSE: f64 = 1.0 / 32.0;
 
 /// Where photons of a light are sent.
 #[derive(Clone, Debug)]
@@ -27,6 +44,48 @@ enum Aim {
     Casters(ProjectionMap),
     /// Only towards specular surfaces, from outside.
     Discs(DiscMap),
+    /// Only towards boxes around objects, from outside.
+    Boxes(BoxMap),
+}
+
+/// What all lights of a scene are aimed at, for one map.
+#[derive(Debug)]
+pub(super) struct Goals<'a> {
+    scene: &'a Scene,
+    kind: MapKind,
+    /// Casters for the caustic map; for the global map all objects, where these and the lights are too many for each light to
+    /// leave itself out.
+    shared: Option<Vec<Target>>,
+}
+
+impl<'a> Goals<'a> {
+    pub(super) fn new(scene: &'a Scene, kind: MapKind) -> Self {
+        let lights = scene.lights().len();
+        let most = (MOST_PAIRS / lights.max(1)).clamp(FEW_TARGETS, MOST_TARGETS);
+        let shared = match kind {
+            MapKind::Caustic => Some(clustered(scene.casters(), most)),
+            _ if lights > MOST_TARGETS => Some(clustered(scene.targets(), MOST_TARGETS)),
+            _ => None,
+        };
+        Self { scene, kind, shared }
+    }
+
+    /// What light `index` may shine on: at most so many spheres and boxes around all objects. A flat light does not see itself.
+    fn targets_of(&self, index: usize) -> Cow<'_, [Target]> {
+        if let Some(shared) = &self.shared {
+            return Cow::Borrowed(shared);
+        }
+        let scene = self.scene;
+        let is_other =
+            |target: &&Target| scene.surfaces()[target.surface as usize].light != Some(index as u32);
+        let others: Vec<Target> = scene.targets().iter().filter(is_other).copied().collect();
+        Cow::Owned(clustered(&others, MOST_TARGETS))
+    }
+
+    /// Whether a light that is to emit about so many photons is worth a table.
+    fn is_worth_a_table(&self, photons: f64) -> bool {
+        self.scene.lights().len() <= MOST_TARGETS || photons > PHOTONS_PER_TABLE
+    }
 }
 
 /// A photon that has just left its light.
@@ -52,46 +111,20 @@ pub struct Emitter<'a> {
 }
 
 impl<'a> Emitter<'a> {
-    /// Light number `index` of `scene`, for the photons of one map. `None` where none of its photons can be of use: the
-    /// light is dark, or no caster is anywhere in front of it.
-    pub fn new(scene: &'a Scene, index: usize, kind: MapKind) -> Option<Self> {
+    /// Light number `index`, for the photons of one map, of which it is to emit about so many `photons`. `None` where none of its
+    /// photons can be of use: the light is dark, or no caster is anywhere in front of it.
+    pub(super) fn new(goals: &Goals<'a>, index: usize, photons: f64) -> Option<Self> {
+        let scene = goals.scene;
         let (light, bounds) = (&scene.lights()[index], scene.bounds());
         let flux = light.flux(bounds.1).max_element();
         if !(flux > 0.0) {
             return None;
         }
-        let (aim, flux) = match kind {
-            MapKind::Caustic => {
-                let casters = clustered(scene.casters(), MOST_TARGETS);
-                aim_at_casters(light, bounds, &casters)?
-            }
-            _ => {
-                // A flat light does not see itself.
-                let others = scene
-                    .targets()
-                    .iter()
-                    .filter(|target| scene.surfaces()[target.surface as usize].light != Some(index as u32));
-                let targets = clustered(&others.copied().collect::<Vec<_>>(), MOST_TARGETS);
-                let map = match light {
-                    Light::Area(area) => HeadingMap::of_area(area, &targets),
-                    Light::Point(point) => {
-                        HeadingMap::of_point(point.position, warp::square_to_sphere, &targets)
-                    }
-                    Light::Spot(spot) if spot.has_even_squares() => {
-                        let to_direction = |u| spot.sample(u).map_or(Vec3::Z, |(direction, _)| direction);
-                        HeadingMap::of_point(spot.position, to_direction, &targets)
-                    }
-                    Light::Directional(sun) => {
-                        HeadingMap::of_parallel((sun.direction, 0.0), bounds, &targets)
-                    }
-                    Light::Sun(sun) if sun.angular_radius() < 0.1 => {
-                        HeadingMap::of_parallel((-sun.towards(), sun.angular_radius()), bounds, &targets)
-                    }
-                    // Directions in proportion to luminance, places on the disc around the scene.
-                    Light::Spot(_) | Light::Sun(_) | Light::Environment(_) => None,
-                };
-                (map.map_or(Aim::Everywhere, Aim::Objects), flux)
-            }
+        let (aim, flux) = match (goals.kind, &goals.shared) {
+            (MapKind::Caustic, Some(casters)) => aim_at_casters(light, bounds, casters)?,
+            (MapKind::Caustic, None) => return None,
+            _ if goals.is_worth_a_table(photons) => aim_at_objects(light, bounds, &goals.targets_of(index)),
+            _ => (Aim::Everywhere, flux),
         };
         let importance = flux * f64::from(scene.light_note(index).photons);
         (importance > 0.0).then_some(Self { light, aim, bounds, importance })
@@ -206,6 +239,7 @@ impl<'a> Emitter<'a> {
         let direction = frame.z;
         let (point, area) = match &self.aim {
             Aim::Discs(map) => map.sample(direction, u)?,
+            Aim::Boxes(map) => map.sample(direction, u)?,
             aim => {
                 let (u, factor) = match aim {
                     Aim::Objects(map) => map.warp(u),
@@ -218,6 +252,73 @@ impl<'a> Emitter<'a> {
         // Back to a plane that touches the sphere around the scene, with room for rounding.
         let depth = (point - center).dot(direction) + 1.01 * radius;
         Some((Ray::new(point - direction * depth, direction), area))
+    }
+}
+
+/// What the light is aimed at for the global map, and the largest channel of its flux: all of it, or where objects are so small
+/// and far that they have to be aimed at one by one, that towards them.
+fn aim_at_objects(light: &Light, bounds: (Vec3, f32), targets: &[Target]) -> (Aim, f64) {
+    let (radius, flux) = (bounds.1, light.flux(bounds.1).max_element());
+    let map = match light {
+        Light::Area(area) => HeadingMap::of_area(area, targets),
+        Light::Point(point) => HeadingMap::of_point(point.position, warp::square_to_sphere, targets),
+        Light::Spot(spot) if spot.has_even_squares() => {
+            let to_direction = |u| spot.sample(u).map_or(Vec3::Z, |(direction, _)| direction);
+            HeadingMap::of_point(spot.position, to_direction, targets)
+        }
+        Light::Directional(sun) => HeadingMap::of_parallel((sun.direction, 0.0), bounds, targets),
+        Light::Sun(sun) if sun.angular_radius() < 0.1 => {
+            HeadingMap::of_parallel((-sun.towards(), sun.angular_radius()), bounds, targets)
+        }
+        // Directions in proportion to luminance, places on the disc around the scene.
+        Light::Spot(_) | Light::Sun(_) | Light::Environment(_) => None,
+    };
+    let gain = map.as_ref().map_or(1.0, HeadingMap::gain);
+    if share_that_meets(light, radius, targets) * gain < SPARSE
+        && let Some(sparse) = aim_one_by_one(light, radius, targets)
+    {
+        return sparse;
+    }
+    (map.map_or(Aim::Everywhere, Aim::Objects), flux)
+}
+
+/// A bound on the share of the light's flux that meets one of the targets, where nothing is in between.
+fn share_that_meets(light: &Light, scene_radius: f32, targets: &[Target]) -> f64 {
+    // Sum of the solid angles of the targets, grown by a light's own extent; all directions from inside of one.
+    let solid_angle = |from: Vec3, extent: f32| -> f64 {
+        let size = |target: &Target| one_minus_cos(from, target.center, target.radius + extent);
+        targets.iter().map(|target| f64::from(TAU * size(target).unwrap_or(2.0))).sum()
+    };
+    let disc = f64::from(PI) * f64::from(scene_radius).powi(2);
+    match light {
+        Light::Area(area) => area
+            .bounding_sphere()
+            .map_or(1.0, |(center, extent)| solid_angle(center.as_vec3(), extent as f32) / f64::from(PI)),
+        Light::Point(point) => solid_angle(point.position, 0.0) / f64::from(4.0 * PI),
+        Light::Spot(spot) => {
+            let peak = f64::from(spot.peak().max_element());
+            solid_angle(spot.position, 0.0) * peak / spot.flux().max_element()
+        }
+        Light::Directional(sun) => area_of_boxes(targets, Some(sun.direction)) / disc,
+        Light::Sun(_) | Light::Environment(_) => area_of_boxes(targets, None) / disc,
+    }
+}
+
+/// The light aimed at each of the targets and nowhere else.
+fn aim_one_by_one(light: &Light, radius: f32, targets: &[Target]) -> Option<(Aim, f64)> {
+    let alike: Vec<Target> = targets.iter().map(|target| Target { density: 1.0, ..*target }).collect();
+    let boxes = |direction, irradiance: f64| {
+        let map = BoxMap::new(targets, direction)?;
+        let flux = map.area() * irradiance;
+        Some((Aim::Boxes(map), flux))
+    };
+    match light {
+        Light::Area(_) | Light::Point(_) | Light::Spot(_) => {
+            aim_at_casters(light, (Vec3::ZERO, radius), &alike)
+        }
+        Light::Directional(sun) => boxes(Some(sun.direction), sun.irradiance.max_element().into()),
+        Light::Sun(sun) => boxes(None, f64::from(sun.solid_angle() * sun.radiance.max_element())),
+        Light::Environment(environment) => boxes(None, environment.integral().max_element()),
     }
 }
 

@@ -25,6 +25,8 @@ const WORTH_IT: f64 = 0.75;
 #[derive(Clone, Debug)]
 pub(super) struct HeadingMap {
     choice: Distribution2D,
+    /// Density where there may be something, over that of even squares.
+    gain: f64,
     /// Column after column.
     #[cfg(test)]
     marked: Vec<bool>,
@@ -39,8 +41,10 @@ impl HeadingMap {
             return None;
         }
         let weights: Vec<f64> = marked.iter().map(|&marked| if marked { 1.0 } else { NOTHING }).collect();
+        let choice = Distribution2D::new(&weights, SIDE)?;
         Some(Self {
-            choice: Distribution2D::new(&weights, SIDE)?,
+            gain: (SIDE * SIDE) as f64 / choice.total(),
+            choice,
             #[cfg(test)]
             marked,
         })
@@ -117,6 +121,11 @@ impl HeadingMap {
         ((corner + rest) / SIDE as f32, 1.0 / (probability * (SIDE * SIDE) as f32))
     }
 
+    /// How many times as many photons go where there may be something as without the map.
+    pub(super) fn gain(&self) -> f64 {
+        self.gain
+    }
+
     /// Whether objects may be where `u` leads.
     #[cfg(test)]
     fn is_marked(&self, u: Vec2) -> bool {
@@ -159,11 +168,9 @@ mod tests {
 
     fn targets(rng: &mut Rng) -> Vec<Target> {
         (0..3)
-            .map(|surface| Target {
-                center: warp::square_to_sphere(rng.next_2d()) * (0.5 + rng.next_f32()),
-                radius: 0.01 + 0.2 * rng.next_f32().powi(2),
-                density: 0.0,
-                surface,
+            .map(|surface| {
+                let center = warp::square_to_sphere(rng.next_2d()) * (0.5 + rng.next_f32());
+                Target { surface, ..Target::of_sphere(center, 0.01 + 0.2 * rng.next_f32().powi(2)) }
             })
             .collect()
     }
@@ -229,7 +236,7 @@ mod tests {
     /// The density is positive everywhere and integrates to one.
     #[test]
     fn factors_are_those_of_a_density() {
-        let targets = [Target { center: Vec3::X, radius: 0.3, density: 0.0, surface: 0 }];
+        let targets = [Target::of_sphere(Vec3::X, 0.3)];
         let point = PointLight { position: Vec3::ZERO, intensity: Rgb::ONE };
         let map = HeadingMap::of_point(point.position, warp::square_to_sphere, &targets).unwrap();
         let n = 512;

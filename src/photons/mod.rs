@@ -1,5 +1,6 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
 
+mod box_map;
 mod clusters;
 mod differential;
 mod direction_bins;
@@ -35,7 +36,10 @@ pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_depos
 pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
-pub use pass::{TracedPhotons, record_photon_rays, trace_photons, trace_photons_alone, trace_photons_shared};
+pub use pass::{
+    CausticSurvey, TracedPhotons, record_photon_rays, survey_caustics, trace_photons, trace_photons_alone,
+    trace_photons_shared,
+};
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
 pub use projection_picture::{ProjectionPicture, projection_picture};
 pub use shadow::{ShadowMaps, ShadowTally, TracedShadows, build_shadow_maps, trace_shadow_photons};

@@ -2,6 +2,7 @@
 //! stopped.
 
 use super::Photon;
+use super::emission::Emitter;
 use super::sources::Sources;
 use super::trace::{Batch, PhotonTally, TraceSettings, Traced};
 use crate::lights::LightId;
@@ -54,11 +55,11 @@ const CERTAIN: f64 = 0.025;
 /// A short pass need not store more than this share of what is asked for.
 const LARGEST_SHARE: f64 = 0.125;
 
-/// Photons emitted without one being stored, after which it is believed that none can be.
-const FUTILE: u64 = 8_000_000;
-
 /// More emitted photons than this for one stored are not worth waiting for; fewer are stored then.
 const MOST_EMITTED_PER_STORED: f64 = 2000.0;
+
+/// A share of one in [`MOST_EMITTED_PER_STORED`] shows none in so many times as many photons once in e^20 passes.
+const SURE: f64 = 20.0;
 
 /// Traces about `settings.stored` photons: within 10 %, as long as that does not take more than 2000 emitted for each.
 ///
@@ -86,7 +87,7 @@ pub fn trace_photons_shared(
     budget: Option<&[f64]>,
     progress: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Option<TracedPhotons> {
-    let sources = Sources::new(scene, settings.kind, settings.aimed, budget);
+    let sources = Sources::new(scene, (settings.kind, settings.stored), settings.aimed, budget);
     if settings.stored == 0 || sources.is_dark() {
         return Some(TracedPhotons {
             photons: Vec::new(),
@@ -113,6 +114,45 @@ pub fn trace_photons_shared(
     pass.run(stream, emitted.ceil() as u64, Some(CHUNK)).map(|(traced, _)| traced)
 }
 
+/// What a light casts by way of specular surfaces.
+#[derive(Clone, Debug)]
+pub struct CausticSurvey {
+    /// What it would get photons of the caustic map by.
+    pub importance: f64,
+    /// Photons that were stored; their powers are to be compared with those of other lights.
+    pub photons: Vec<Photon>,
+}
+
+/// The caustic photons of each light out of the same number that each emits, to see which of them matter.
+pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<CausticSurvey> {
+    /// As far as photons are followed to see where they go.
+    const DEPTH: u32 = 64;
+    let lights = scene.lights().len();
+    let settings = TraceSettings {
+        kind: MapKind::Caustic,
+        stored: emitted_by_each * lights as u64,
+        seed,
+        max_depth: DEPTH,
+        aimed: true,
+    };
+    let sources = Sources::new(scene, (settings.kind, settings.stored), settings.aimed, None);
+    let shares = vec![emitted_by_each; lights];
+    let reached = no_surfaces(scene, settings.kind);
+    let batch = Batch {
+        scene,
+        settings: &settings,
+        sources: &sources,
+        stream: Stream::Prepass,
+        shares,
+        reached: &reached,
+    };
+    let of_light = |light: usize| CausticSurvey {
+        importance: sources.emitter(light).map_or(0.0, Emitter::importance),
+        photons: batch.trace_range(light, 0, emitted_by_each, settings.stored, &mut |_| ()).photons,
+    };
+    (0..lights).into_par_iter().map(of_light).collect()
+}
+
 /// The rays of a photon pass that emits `emitted` photons, in the order in which one thread traces them: for benchmarks
 /// of ray tracing with a real workload.
 pub fn record_photon_rays(scene: &Scene, settings: &TraceSettings, emitted: u64) -> Vec<Ray> {
@@ -132,9 +172,11 @@ fn trace_alone(
     emitted: u64,
     observe: &mut impl FnMut(&Ray),
 ) -> (Vec<Photon>, u64) {
-    let sources = Sources::new(scene, settings.kind, settings.aimed, None);
+    let sources = Sources::new(scene, (settings.kind, emitted), settings.aimed, None);
     let shares = sources.shares(emitted);
-    let batch = Batch { scene, settings, sources: &sources, stream: Stream::Measure, shares };
+    let reached = no_surfaces(scene, settings.kind);
+    let batch =
+        Batch { scene, settings, sources: &sources, stream: Stream::Measure, shares, reached: &reached };
     let (mut photons, mut rays) = (Vec::new(), 0);
     for (light, &share) in batch.shares.iter().enumerate() {
         let traced = batch.trace_range(light, 0, share, emitted, observe);
@@ -165,13 +207,16 @@ impl Pass<'_> {
     /// Short passes, the last of them and the photons to emit for one stored.
     fn find_count(&self) -> Option<(TracedPhotons, f64)> {
         let mut emitted = FIRST_PREPASS;
+        // Photons emitted without one being stored, after which it is believed that too few can be: as many as were to be stored,
+        // and enough to be sure.
+        let futile = self.settings.stored.max((SURE * MOST_EMITTED_PER_STORED) as u64);
         loop {
             let quiet = Pass { progress: &|_, _| (self.progress)(0, 1), ..*self };
             let (prepass, counts) = quiet.run(Stream::Prepass, emitted, None)?;
             let stored = prepass.photons.len() as f64;
             let per_stored = prepass.emitted as f64 / stored;
             let enough = if prepass.photons.is_empty() {
-                emitted >= FUTILE
+                emitted >= futile
             } else {
                 relative_error(&counts) <= CERTAIN
                     || stored >= (LARGEST_SHARE * self.settings.stored as f64).max(FEW as f64)
@@ -180,7 +225,7 @@ impl Pass<'_> {
             if enough || prepass.stopped {
                 return Some((prepass, per_stored));
             }
-            let longest = if prepass.photons.is_empty() { FUTILE } else { u64::MAX };
+            let longest = if prepass.photons.is_empty() { futile } else { u64::MAX };
             emitted = emitted.saturating_mul(GROWTH).min(longest);
         }
     }
@@ -191,8 +236,9 @@ impl Pass<'_> {
     fn run(&self, stream: Stream, emitted: u64, chunk: Option<u64>) -> Option<(TracedPhotons, Vec<u64>)> {
         let shares = self.sources.shares(emitted);
         let emitted: u64 = shares.iter().sum();
-        let batch =
-            Batch { scene: self.scene, settings: self.settings, sources: self.sources, stream, shares };
+        let Self { scene, settings, sources, .. } = *self;
+        let reached = no_surfaces(scene, settings.kind);
+        let batch = Batch { scene, settings, sources, stream, shares, reached: &reached };
         let mut tasks = Vec::new();
         for (light, &share) in batch.shares.iter().enumerate() {
             let size = chunk.unwrap_or(share.div_ceil(REPLICAS)).max(1);
@@ -253,7 +299,6 @@ impl Pass<'_> {
             missing: Vec::new(),
             divided: self.sources.divided.clone(),
         };
-        let mut reached = vec![0u64; self.scene.surfaces().len().div_ceil(64)];
         let mut emitted_by = vec![0u64; lights];
         for (number, _) in &results {
             let task = &tasks[*number];
@@ -281,7 +326,6 @@ impl Pass<'_> {
             let light = tasks[number].light;
             counts[ordinal[light]] += part.photons.len() as u64;
             ordinal[light] += 1;
-            reached.iter_mut().zip(&part.reached).for_each(|(all, some)| *all |= some);
             traced.surfaces.extend(part.surfaces);
             let mut tally = part.tally;
             if factors[light] == 1.0 {
@@ -297,11 +341,16 @@ impl Pass<'_> {
         counts.truncate(ordinal.into_iter().max().unwrap_or(0));
         if self.settings.kind == MapKind::Caustic {
             let surfaces = 0..self.scene.surfaces().len();
-            traced.reached =
-                surfaces.map(|surface| reached[surface / 64] >> (surface % 64) & 1 == 1).collect();
+            traced.reached = surfaces.map(|surface| batch.has_reached(surface as u32)).collect();
         }
         (traced, counts)
     }
+}
+
+/// A bit for each surface that photons may reach; none where nobody asks.
+fn no_surfaces(scene: &Scene, kind: MapKind) -> Vec<AtomicU64> {
+    let count = if kind == MapKind::Caustic { scene.surfaces().len().div_ceil(64) } else { 0 };
+    std::iter::repeat_with(AtomicU64::default).take(count).collect()
 }
 
 /// Standard error of the mean of `counts`, relative to it; infinite where it is not known.

@@ -37,7 +37,7 @@ struct Aimed {
 
 /// `1 - cos` of the half angle of a sphere seen from `apex`; `None` from inside.
 #[inline]
-fn one_minus_cos(apex: Vec3, center: Vec3, radius: f32) -> Option<f32> {
+pub(super) fn one_minus_cos(apex: Vec3, center: Vec3, radius: f32) -> Option<f32> {
     let distance = (center - apex).length();
     (distance > radius).then(|| warp::sphere_one_minus_cos(radius, distance))
 }
@@ -72,7 +72,8 @@ pub(super) struct PositionCell {
     size: Vec2,
     casters: Vec<Aimed>,
     choice: Option<Distribution1D>,
-    bins: DirectionBins,
+    /// Where casters are more than [`FEW`].
+    bins: Option<DirectionBins>,
     /// Flux towards casters, per area and radiance, or per intensity.
     flux: f64,
 }
@@ -167,7 +168,7 @@ impl PositionCell {
             back: place.back,
             low: place.low,
             size: place.size,
-            bins: DirectionBins::new(place.axis, BINS, place.limit, &cones),
+            bins: (casters.len() > FEW).then(|| DirectionBins::new(place.axis, BINS, place.limit, &cones)),
             flux: choice.as_ref().map_or(0.0, Distribution1D::total),
             casters,
             choice,
@@ -205,10 +206,9 @@ impl PositionCell {
                 pdf += self.casters[index].pdf(apex, normal, direction);
             }
         };
-        if self.casters.len() <= FEW {
-            (0..self.casters.len()).for_each(add);
-        } else {
-            self.bins.at(direction).iter().for_each(|&index| add(index as usize));
+        match &self.bins {
+            None => (0..self.casters.len()).for_each(add),
+            Some(bins) => bins.at(direction).iter().for_each(|&index| add(index as usize)),
         }
         (pdf > 0.0 && pdf.is_finite()).then(|| (direction, 1.0 / pdf))
     }
@@ -216,7 +216,7 @@ impl PositionCell {
     /// Whether a photon may be aimed in `direction` from some point of the cell.
     #[cfg(test)]
     fn is_marked(&self, direction: Vec3) -> bool {
-        !self.bins.at(direction).is_empty()
+        self.bins.as_ref().is_none_or(|bins| !bins.at(direction).is_empty())
     }
 }
 

@@ -1,5 +1,5 @@
-use super::emission::Emitter;
-use crate::lights::{Light, LightId};
+use super::emission::{Emitter, Goals};
+use crate::lights::LightId;
 use crate::media::Surroundings;
 use crate::sampling::Distribution1D;
 use crate::scene::{MapKind, Scene};
@@ -19,31 +19,32 @@ pub(super) struct Sources<'a> {
 }
 
 impl<'a> Sources<'a> {
-    /// `budget` holds factors on the importance of lights, if there are any.
-    pub(super) fn new(scene: &'a Scene, kind: MapKind, aimed: bool, budget: Option<&[f64]>) -> Self {
+    /// For a pass that stores about `stored` photons. `budget` holds factors on the importance of lights, if there are any.
+    pub(super) fn new(
+        scene: &'a Scene,
+        (kind, stored): (MapKind, u64),
+        aimed: bool,
+        budget: Option<&[f64]>,
+    ) -> Self {
         let lights = scene.lights();
+        let factor = |light: usize| budget.and_then(|budget| budget.get(light)).copied().unwrap_or(1.0);
+        let unaimed: Vec<Emitter<'a>> =
+            (0..lights.len()).map(|index| Emitter::unaimed(scene, index)).collect();
+        let wanted = |index: usize| unaimed[index].importance() * factor(index);
+        let total: f64 = (0..lights.len()).map(wanted).sum();
+        let goals = Goals::new(scene, kind);
         let emitters: Vec<Option<Emitter<'a>>> = (0..lights.len())
             .into_par_iter()
             .map(|index| match aimed {
-                true => Emitter::new(scene, index, kind),
-                false => Some(Emitter::unaimed(scene, index)).filter(|emitter| emitter.importance() > 0.0),
+                true => Emitter::new(&goals, index, stored as f64 * wanted(index) / total),
+                false => Some(unaimed[index].clone()).filter(|emitter| emitter.importance() > 0.0),
             })
             .collect();
-        let mut divided = Vec::new();
-        let mut media = Vec::with_capacity(lights.len());
-        for (index, light) in lights.iter().enumerate() {
-            let (front, front_divided) = scene.medium_around(&light.points(false));
-            let two_sided = matches!(light, Light::Area(area) if area.is_two_sided());
-            let (back, back_divided) =
-                if two_sided { scene.medium_around(&light.points(true)) } else { (front, false) };
-            if front_divided || back_divided {
-                divided.push(index as LightId);
-            }
-            media.push([front, back]);
-        }
+        let (media, divided): (Vec<_>, Vec<_>) =
+            scene.light_media().iter().map(|media| (media.sides, media.divided)).unzip();
+        let divided = (0..).zip(divided).filter_map(|(light, divided)| divided.then_some(light)).collect();
         let importance = |(light, emitter): (usize, &Option<Emitter<'_>>)| {
-            let factor = budget.and_then(|budget| budget.get(light)).copied().unwrap_or(1.0);
-            emitter.as_ref().map_or(0.0, Emitter::importance) * factor
+            emitter.as_ref().map_or(0.0, Emitter::importance) * factor(light)
         };
         let choice = Distribution1D::new(emitters.iter().enumerate().map(importance));
         Self { emitters, media, choice, divided }

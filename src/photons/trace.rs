@@ -10,6 +10,7 @@ use crate::sampling::{Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::{AddAssign, MulAssign};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// What to trace.
 #[derive(Clone, Copy, Debug)]
@@ -87,6 +88,8 @@ pub(super) struct Batch<'a> {
     pub stream: Stream,
     /// By light: photons emitted.
     pub shares: Vec<u64>,
+    /// Surfaces that some photon met, one bit each; empty where nobody asks. Which photons met them first leaves no trace.
+    pub reached: &'a [AtomicU64],
 }
 
 /// What came of some photons of one light.
@@ -95,11 +98,23 @@ pub(super) struct Traced {
     /// By photon, the surface that it is stored at; only where some surfaces have illumination maps.
     pub surfaces: Vec<u32>,
     pub tally: PhotonTally,
-    /// Surfaces met, one bit each; only where caustic photons are traced.
-    pub reached: Vec<u64>,
 }
 
 impl Batch<'_> {
+    /// Notes that a photon met a surface.
+    #[inline]
+    fn note(&self, surface: u32) {
+        let (word, bit) = (&self.reached[(surface / 64) as usize], 1 << (surface % 64));
+        if word.load(Ordering::Relaxed) & bit == 0 {
+            word.fetch_or(bit, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether some photon met a surface.
+    pub(super) fn has_reached(&self, surface: u32) -> bool {
+        self.reached[(surface / 64) as usize].load(Ordering::Relaxed) >> (surface % 64) & 1 == 1
+    }
+
     /// Traces photons `first..end` of `light`.
     pub(super) fn trace_range(
         &self,
@@ -114,10 +129,8 @@ impl Batch<'_> {
             surfaces: self.scene.has_illumination_maps().then(Vec::new),
         };
         let mut tally = PhotonTally::default();
-        let notes = self.settings.kind == MapKind::Caustic;
-        let mut reached = vec![0u64; if notes { self.scene.surfaces().len().div_ceil(64) } else { 0 }];
         let Some(source) = self.sources.emitter(light) else {
-            return Traced { photons: Vec::new(), surfaces: Vec::new(), tally, reached };
+            return Traced { photons: Vec::new(), surfaces: Vec::new(), tally };
         };
         let media = self.sources.media(light);
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
@@ -159,9 +172,10 @@ impl Batch<'_> {
             for (hit, flight) in hits.iter_mut().zip(&flights) {
                 observe(&flight.ray);
                 *hit = self.scene.embree().intersect(&flight.ray);
-                if notes && let Some(hit) = hit {
-                    let surface = self.scene.surface_of(hit);
-                    reached[(surface / 64) as usize] |= 1 << (surface % 64);
+                if !self.reached.is_empty()
+                    && let Some(hit) = hit
+                {
+                    self.note(self.scene.surface_of(hit));
                 }
             }
             // From the back, so that a removal moves only flights that have been advanced.
@@ -175,7 +189,7 @@ impl Batch<'_> {
         tally.stored = photons.len() as u64;
         // Where few are stored, the rest of the room would outweigh them a thousand times.
         photons.shrink_to_fit();
-        Traced { photons, surfaces: surfaces.unwrap_or_default(), tally, reached }
+        Traced { photons, surfaces: surfaces.unwrap_or_default(), tally }
     }
 }
 

@@ -4,7 +4,7 @@ use super::job::RenderRequest;
 use super::observer::Observer;
 use crate::camera::{Camera, FilmPlace};
 use crate::film::PixelRect;
-use crate::integrators::{FARTHEST_GLINT, Glint, GlintMap, Hunter, Scratch};
+use crate::integrators::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintMap, Hunter, Scratch};
 use crate::sampling::{SampleStream, Stream, mix};
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use glam::Vec2;
@@ -21,6 +21,8 @@ pub(super) struct Glints<'a> {
     pub(super) map: GlintMap,
     /// By what they were found.
     pub(super) hunter: Hunter<'a>,
+    /// How often lamps are met by chance.
+    pub(super) meetings: ChanceMeetings,
 }
 
 /// What came of looking for glints.
@@ -67,6 +69,14 @@ pub(super) fn find_glints<'a>(
         x1: crop.x1.saturating_add(margin),
         y1: crop.y1.saturating_add(margin),
     });
+    // Whole blocks, so that all of each is looked from whatever the window.
+    let block = ChanceMeetings::BLOCK;
+    let near = PixelRect {
+        x0: near.x0 / block * block,
+        y0: near.y0 / block * block,
+        x1: near.x1.div_ceil(block) * block,
+        y1: near.y1.div_ceil(block) * block,
+    };
     let rows = near.intersection(&whole);
     // Looking should cost less than what is looked at.
     let most = match settings.integrator {
@@ -78,30 +88,39 @@ pub(super) fn find_glints<'a>(
     let hunter = Hunter::new(scene, scene.medium_at(camera.eye()), settings.max_depth);
     let size = Vec2::new(width as f32, height as f32);
     let seed = mix(settings.seed ^ Stream::GlintHunt as u64);
-    let found: Vec<Vec<Glint>> = (rows.y0..rows.y1)
+    let found: Vec<(Vec<Glint>, Vec<f32>)> = (rows.y0..rows.y1)
         .into_par_iter()
         .with_max_len(1)
         .map_init(Scratch::default, |scratch, y| {
-            let mut found = Vec::new();
+            let (mut found, mut met) = (Vec::new(), Vec::new());
             for x in rows.x0..rows.x1 {
                 if observer.is_cancelled() || is_late() {
                     break;
                 }
                 let pixel = u64::from(y) * u64::from(width) + u64::from(x);
                 let center = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                let mut of_pixel = 0.0;
                 for index in 0..count {
                     let mut samples = SampleStream::new(seed, pixel, index);
                     let offset = samples.next_2d() - 0.5;
                     let place = FilmPlace { size, center, offset };
-                    found.append(&mut hunter.look((camera, place), &mut samples, scratch));
+                    let (mut glints, meetings) =
+                        hunter.look((camera, place), settings.spp as f32, &mut samples, scratch);
+                    found.append(&mut glints);
+                    of_pixel += meetings / count as f32;
                 }
+                met.push(of_pixel);
             }
-            found
+            (found, met)
         })
         .collect();
     if is_late() {
         return GlintHunt::Late;
     }
     observer.advance(found.len() as u64);
-    GlintHunt::Done(Glints { map: GlintMap::new(found.concat()), hunter })
+    let (found, met): (Vec<Vec<Glint>>, Vec<Vec<f32>>) = found.into_iter().unzip();
+    let rows_met = (rows.y0..).zip(met);
+    let met = rows_met.flat_map(|(y, row)| (rows.x0..).zip(row).map(move |(x, value)| ((x, y), value)));
+    let meetings = ChanceMeetings::new((width, height), met);
+    GlintHunt::Done(Glints { map: GlintMap::new(found.concat()), hunter, meetings })
 }

@@ -3,7 +3,7 @@
 use super::adaptive::{Moments, SampleCounts, pilot_samples};
 use super::glints::{GlintHunt, Glints, find_glints};
 use super::lamps_in_view::LampsInView;
-use super::maps::{ForPicture, PassOne, build_maps_from};
+use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
 use super::memory::{MemoryError, PhotonCounts, resident_memory};
 use super::observer::{Observer, Silent};
 use super::pace::{Pace, Paced};
@@ -158,10 +158,13 @@ pub fn render_with_maps(
         Vec::new()
     };
     let mut memory = scene_memory(scene);
+    let budget = photon_budget(scene, camera, &plan, settings);
+    let shared = budget.as_ref().filter(|_| saved.is_none());
     // Photons of a file are as many as they are.
     let paced = match observer.deadline().filter(|_| saved.is_none()) {
         Some(deadline) => {
-            Pace { scene, camera, request, plan: &plan, finest: &finest, deadline, observer }.fit(settings)?
+            let budget = shared;
+            Pace { scene, camera, request, plan: &plan, finest: &finest, budget, deadline, observer }.fit(settings)?
         }
         None => Paced::unlimited(settings),
     };
@@ -169,7 +172,7 @@ pub fn render_with_maps(
     let mut pass_one = match maps {
         Some(maps) => maps,
         None => {
-            let picture = ForPicture { camera: Some(camera), finest: &finest, saved, time: tracing };
+            let picture = ForPicture { budget: shared, finest: &finest, saved, time: tracing };
             build_maps_from(scene, &plan, settings, picture, observer)?
         }
     };
@@ -185,10 +188,10 @@ pub fn render_with_maps(
             "with photons of a file there are no illumination maps: what has one is read from the photon maps".to_owned(),
         );
     }
-    if plan.photon_budget.build && reads.is_some() {
+    if budget.is_some() && reads.is_some() {
         pass_one.warnings.push(
-            "photons of a file are shared out by the flux of lights, not by what this camera sees of them: many lights are \
-             noisier than with photons traced for the picture"
+            "photons of a file are shared out by the flux of lights, not by what this camera sees of them: lights are noisier \
+             than with photons traced for the picture"
                 .to_owned(),
         );
     }
@@ -694,6 +697,7 @@ impl PixelPass<'_> {
                     pixel: glints.as_ref(),
                     hunter: &known.hunter,
                     samples: self.certain,
+                    meetings: &known.meetings,
                 });
                 let eye = EyeRay { ray: ray.ray, glints: known };
                 let mut sample = self.integrator.li(&eye, &mut stream, scratch);

@@ -9,7 +9,8 @@ use super::stats::{
 };
 use crate::camera::Camera;
 use crate::integrators::{
-    CAUSTIC_POINT_REACH, DirectAt, PhotonMapSettings, PhotonMaps, light_importance, visible_domain,
+    CAUSTIC_POINT_REACH, DirectAt, PhotonBudget, PhotonMapSettings, PhotonMaps, light_importance,
+    visible_domain,
 };
 use crate::lights::LightId;
 use crate::photons::{
@@ -141,8 +142,8 @@ pub fn build_maps(
 /// What maps may know of the picture that they are for.
 #[derive(Debug, Default)]
 pub struct ForPicture<'a> {
-    /// Photons are shared out by what lights contribute to the picture of this camera, where the plan asks for that.
-    pub camera: Option<&'a Camera>,
+    /// Photons are shared out by what lights contribute to the picture ([`photon_budget`]); by flux where there is none.
+    pub budget: Option<&'a PhotonBudget>,
     /// What a pretrace found ([`super::finest_distances`]), for the resolution of illumination maps; empty for none.
     pub finest: &'a [f32],
     /// Photons of a file in place of traced ones: it has been checked that they are the same.
@@ -171,11 +172,7 @@ pub fn build_maps_from(
     let limit = picture.time.or_else(|| observer.deadline().map(share));
     // Where photons were counted to fit, neither map needs to be held to its half.
     let is_counted = picture.time.is_some();
-    let budget = picture
-        .camera
-        .filter(|_| plan.photon_budget.build && picture.saved.is_none())
-        .and_then(|camera| light_importance(scene, camera, settings.seed));
-    let ForPicture { finest, saved, .. } = picture;
+    let ForPicture { finest, saved, budget, .. } = picture;
     let deposits = Default::default();
     let mut builder = MapBuilder {
         scene,
@@ -192,6 +189,16 @@ pub fn build_maps_from(
     pass.cancelled = done.is_none();
     pass.seconds = start.elapsed().as_secs_f64();
     Ok(pass)
+}
+
+/// How photons are to be shared out for the picture of `camera`, where the plan asks for that; `None` for by flux.
+pub fn photon_budget(
+    scene: &Scene,
+    camera: &Camera,
+    plan: &RenderPlan,
+    settings: &Settings,
+) -> Option<PhotonBudget> {
+    plan.photon_budget.build.then(|| light_importance(scene, camera, settings.seed)).flatten()
 }
 
 fn build_shadows(scene: &Scene, settings: &Settings, observer: &dyn Observer, pass: &mut PassOne) {
@@ -241,8 +248,7 @@ struct MapBuilder<'a> {
     finest: &'a [f32],
     /// Photons of the global and of the caustic pass for illumination maps, and the count emitted; `None` before the pass.
     deposits: [Option<(Vec<Deposit>, u64)>; 2],
-    /// By light, factors on its photons.
-    budget: Option<Vec<f64>>,
+    budget: Option<&'a PhotonBudget>,
     /// Whether photons were counted to fit the time.
     is_counted: bool,
     pass: &'a mut PassOne,
@@ -374,7 +380,11 @@ impl MapBuilder<'_> {
             aimed: self.settings.aim_photons,
         };
         let start = Instant::now();
-        let traced = trace_photons_shared(scene, &trace, self.budget.as_deref(), &|done, total| {
+        let budget = self.budget.map(|budget| match kind {
+            MapKind::Global => &budget.global[..],
+            MapKind::Caustic => &budget.caustic[..],
+        });
+        let traced = trace_photons_shared(scene, &trace, budget, &|done, total| {
             observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
             !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
         })?;
@@ -479,18 +489,10 @@ struct Findings<'a> {
 
 impl Findings<'_> {
     fn warn(&self, missing: &[LightId], divided: &[LightId], warnings: &mut Vec<String>) {
-        let Self { name, kind, wanted, summed, map, .. } = *self;
+        let Self { name, wanted, summed, map, .. } = *self;
         let stored = map.len() as u64 + summed;
         if stored == 0 && wanted > 0 {
-            warnings.push(match kind {
-                MapKind::Caustic => "the caustic map is empty: no photon reached a diffuse surface by way of a \
-                                     specular one; there will be no caustics (is the light blocked, or does nothing \
-                                     diffuse lie behind the glass?)"
-                    .to_owned(),
-                MapKind::Global => "the global map is empty: no photon reached a diffuse surface; there will be no \
-                                    indirect light"
-                    .to_owned(),
-            });
+            warnings.push(self.nothing_stored());
         } else if self.stopped {
             warnings.push(format!(
                 "the {name} map holds {stored} photons of the {wanted} asked for, traced in its share of the time limit; \
@@ -526,6 +528,37 @@ impl Findings<'_> {
         }
         self.warn_of_casters(warnings);
         self.warn_of_lights(missing, divided, warnings);
+    }
+
+    /// That no photon was stored, and where they went instead.
+    fn nothing_stored(&self) -> String {
+        let sum = |field: fn(&PhotonTally) -> u64| self.tallies.iter().map(field).sum::<u64>();
+        let (emitted, missed) = (sum(|tally| tally.emitted), sum(|tally| tally.missed));
+        let (what, loss) = match self.kind {
+            MapKind::Caustic => ("reached a diffuse surface by way of a specular one", "no caustics"),
+            MapKind::Global => ("reached a diffuse surface", "no indirect light"),
+        };
+        let why = if emitted == 0 && self.kind == MapKind::Caustic {
+            "no light has a specular surface in front of it".to_owned()
+        } else if emitted == 0 {
+            "no light emits anything".to_owned()
+        } else {
+            let where_to = match missed as f64 / emitted as f64 {
+                share if share > 0.99 => {
+                    "nearly all met no surface at all: is there anything in front of the lights?"
+                }
+                share if share > 0.5 => {
+                    "most met no surface at all, and the others were absorbed or left the scene: are the lights shut off from \
+                     the diffuse surfaces, or very far from them?"
+                }
+                _ => {
+                    "they met surfaces and were absorbed there or left the scene: are the lights shut off from the diffuse \
+                     surfaces?"
+                }
+            };
+            format!("none of the {emitted} photons that were tried {what}; {where_to}")
+        };
+        format!("the {} map is empty, so there will be {loss}: {why}", self.name)
     }
 
     /// Casters that no photon met.

@@ -22,7 +22,7 @@ pub use adaptive::SampleCounts;
 pub(crate) use estimate::{INSTANCE, LIGHT};
 pub use estimate::{MemoryEstimate, allowed_memory};
 pub use job::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
-pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from};
+pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from, photon_budget};
 pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
 pub use pretrace::finest_distances;

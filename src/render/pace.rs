@@ -7,6 +7,7 @@ use super::memory::PhotonCounts;
 use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
 use crate::camera::Camera;
+use crate::integrators::PhotonBudget;
 use crate::scene::{RenderPlan, Scene};
 use std::time::{Duration, Instant};
 
@@ -43,6 +44,8 @@ pub(super) struct Pace<'a> {
     pub(super) plan: &'a RenderPlan,
     /// As in [`ForPicture`].
     pub(super) finest: &'a [f32],
+    /// As in [`ForPicture`].
+    pub(super) budget: Option<&'a PhotonBudget>,
     pub(super) deadline: Instant,
     pub(super) observer: &'a dyn Observer,
 }
@@ -110,7 +113,7 @@ impl Pace<'_> {
         let start = Instant::now();
         let settings = self.scaled(settings, scale);
         let picture = ForPicture {
-            camera: Some(self.camera),
+            budget: self.budget,
             finest: self.finest,
             time: Some(FOREVER),
             ..ForPicture::default()

@@ -21,4 +21,4 @@ pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowM
 pub use render_space::RenderSpace;
 pub use surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, shadow_target};
 pub use texture::{Bump, MaterialTexture};
-pub use world::{Geometry, LightNote, Mesh, Node, Scene, SceneParts, Surface, Target};
+pub use world::{Geometry, LightMedia, LightNote, Mesh, Node, Scene, SceneParts, Surface, Target};

@@ -397,10 +397,16 @@ impl Facts {
     }
 
     fn photon_budget(&self, integrator: IntegratorKind, lights: usize) -> Decision {
-        if integrator != IntegratorKind::PhotonMap {
+        if !matches!(integrator, IntegratorKind::PhotonMap | IntegratorKind::Progressive) {
             Decision::no("photons are shared out by flux")
+        } else if lights < 2 {
+            Decision::no("one light has all photons")
         } else if lights <= LIGHTS_SAMPLED_EACH {
-            Decision::no("few lights: photons are shared out by flux")
+            Decision::yes(format!(
+                "{lights} lights, by flux unless the picture shows one of them far more than that"
+            ))
+        } else if integrator == IntegratorKind::Progressive {
+            Decision::no("many lights: photons are shared out by flux in each round")
         } else {
             Decision::yes(format!("{lights} lights, not all of which may matter to the picture"))
         }

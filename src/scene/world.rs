@@ -15,8 +15,9 @@ use crate::media::{AIR, Crossing, Medium, MediumId, Surroundings};
 use crate::sampling::{Distribution1D, Sobol, warp};
 use crate::textures::VertexData;
 use glam::{Vec3, Vec3A};
+use rayon::prelude::*;
 use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Triangles with what shading needs beyond their corners.
 #[derive(Clone, Debug)]
@@ -106,6 +107,15 @@ pub struct Target {
     pub density: f32,
     /// Index into [`Scene::surfaces`].
     pub surface: u32,
+    /// Corners of a box around the surface.
+    pub bounds: [Vec3; 2],
+}
+
+impl Target {
+    /// A sphere that casts no caustics, of surface 0, and the box around it.
+    pub fn of_sphere(center: Vec3, radius: f32) -> Self {
+        Self { center, radius, density: 0.0, surface: 0, bounds: [center - radius, center + radius] }
+    }
 }
 
 /// What is known of a light beside what it emits.
@@ -163,6 +173,19 @@ pub struct Scene {
     contacts: Option<Contacts>,
     /// Media of bodies that overlap at places where there are too many of them to be followed.
     overfull: Mutex<BTreeSet<MediumId>>,
+    /// Whether any material bounds a medium.
+    has_interfaces: bool,
+    /// By light, the bodies in front of it and behind it; found when first asked for.
+    light_media: OnceLock<Vec<LightMedia>>,
+}
+
+/// The bodies that a light is in.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LightMedia {
+    /// On the side of its normal, and on its back.
+    pub sides: [Surroundings; 2],
+    /// Whether one of its sides is in more than one medium.
+    pub divided: bool,
 }
 
 impl Scene {
@@ -187,7 +210,9 @@ impl Scene {
         };
         let open = (0..parts.lights.len() as LightId).filter(is_open).collect();
         let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
-        Self { parts, casters, light_power, light_choice, open, contacts, overfull: Mutex::default() }
+        let has_interfaces = parts.materials.iter().any(|(_, material)| material.media().is_some());
+        let (light_media, overfull) = (OnceLock::new(), Mutex::default());
+        Self { parts, casters, light_power, light_choice, open, contacts, overfull, has_interfaces, light_media }
     }
 
     /// Name of the scene.
@@ -679,10 +704,27 @@ impl Scene {
         self.medium_around(&[(point, Vec3::ZERO)]).0
     }
 
+    /// The bodies that each light is in.
+    pub fn light_media(&self) -> &[LightMedia] {
+        self.light_media.get_or_init(|| {
+            let of_light = |light: &Light| {
+                let (front, front_divided) = self.medium_around(&light.points(false));
+                let two_sided = matches!(light, Light::Area(area) if area.is_two_sided());
+                let (back, back_divided) =
+                    if two_sided { self.medium_around(&light.points(true)) } else { (front, false) };
+                LightMedia { sides: [front, back], divided: front_divided || back_divided }
+            };
+            self.parts.lights.par_iter().map(of_light).collect()
+        })
+    }
+
     /// [`Self::medium_at`] by the votes of all `points`, each by rays on the side of its normal where that is not zero; and
     /// whether more than a quarter of the votes that were cast are for others.
     pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (Surroundings, bool) {
         const RAYS: u32 = 32;
+        if !self.has_interfaces {
+            return (Surroundings::AIR, false);
+        }
         let sequence = Sobol::new(0x006d_6564_6975_6d00);
         let mut votes: Vec<(Surroundings, u32)> = Vec::new();
         for &(point, normal) in points {

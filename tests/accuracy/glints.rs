@@ -275,3 +275,40 @@ fn lamps_that_mirrors_show_to_a_glossy_floor_keep_their_light() {
     assert!((mean / chance - 1.0).abs() < 0.1, "{mean}, by chance {chance}");
     assert!(deviation < 0.5 * alone, "{deviation}, by chance {alone}");
 }
+
+/// In a closed box of perfect mirrors every way leads to the lamp sooner or later, so its radiance is that of the lamp all over.
+/// Each image of the lamp is small, and behind a chain of its own; but that one is met is not rare.
+#[test]
+fn a_box_of_mirrors_is_as_bright_as_its_lamp() {
+    let text = r#"
+        [camera]
+        eye = [0.2, 0.1, 0.8]
+        at = [-0.3, -0.2, -1.0]
+        fov = 60.0
+
+        [materials.mirror]
+        type = "mirror"
+        reflectance = 1.0
+
+        [[shapes]]
+        type = "box"
+        min = [-1, -1, -1]
+        max = [1, 1, 1]
+        material = "mirror"
+
+        [[shapes]]
+        name = "lamp"
+        type = "sphere"
+        center = [0.3, 0.2, -0.1]
+        radius = 0.3
+        emission = { radiance = 1.0 }
+        "#;
+    let stage = Stage::new(text, (16, 16));
+    for (name, of, spp) in
+        [("path", path(), 4), ("photon map", photon_map(), 4), ("photon map", photon_map(), 16)]
+    {
+        let mean = stage.shoot(&with_glints(of, true, spp, 1)).mean("beauty")[0];
+        println!("{name}, {spp} samples: {mean}");
+        assert!((mean - 1.0).abs() < 0.02, "{name}, {spp} samples: {mean}");
+    }
+}

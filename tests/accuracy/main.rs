@@ -12,6 +12,7 @@ mod contact;
 mod crossings;
 mod determinism;
 mod direct;
+mod emitters;
 mod enclosures;
 mod estimators;
 mod extremes;

@@ -3,7 +3,7 @@
 
 use crate::support::*;
 use cardioid::lights::{Light, Receiver};
-use cardioid::render::Overrides;
+use cardioid::render::{Overrides, photon_budget};
 use cardioid::sampling::{Rng, Stream};
 use glam::{Vec2, Vec3};
 use std::f64::consts::PI;
@@ -204,4 +204,75 @@ fn photons_go_where_the_camera_sees_their_light() {
     }
     let by_paths = stage.shoot(&Overrides { spp: Some(256), ..path() });
     assert_close("indirect", shot.mean("indirect"), by_paths.mean("indirect"), 0.03);
+}
+
+/// A room that is lit by a lamp, in the sun, on wide ground, with a glass ball in it; or without the sun.
+fn room_in_the_sun(sun: Option<f64>) -> Stage {
+    let sun = sun.map_or(String::new(), |sun| {
+        format!("[[lights]]\nname = \"sun\"\ntype = \"directional\"\ndirection = [0.3, -1, 0.2]\nirradiance = {sun:e}\n")
+    });
+    let text = format!(
+        "[camera]\neye = [0, 1.2, 1.9]\nat = [0, 0.5, 0]\nfov = 60\n[materials.white]\ntype = \"lambert\"\nreflectance = 0.6\n\
+         [materials.glass]\ntype = \"dielectric\"\nior = 1.5\n\
+         [[shapes]]\nname = \"walls\"\ntype = \"box\"\nmin = [-2, 0, -2]\nmax = [2, 2.5, 2]\nmaterial = \"white\"\n\
+         [[shapes]]\nname = \"ground\"\ntype = \"disc\"\ncenter = [0, -0.1, 0]\nradius = 50\nmaterial = \"white\"\n\
+         [[shapes]]\nname = \"ball\"\ntype = \"sphere\"\ncenter = [0, 0.4, 0]\nradius = 0.3\nmaterial = \"glass\"\n\
+         [[lights]]\nname = \"lamp\"\ntype = \"point\"\nposition = [0.5, 2, 0.5]\npower = 10.0\n{sun}"
+    );
+    Stage::new(&text, (24, 18))
+}
+
+/// Photons of the global and the caustic map that are stored from the lamp, of all.
+fn share_of_lamp(shot: &Shot) -> Vec<f64> {
+    let of_map = |map: &cardioid::render::MapStatistics| {
+        let stored: u64 = map.lights.iter().map(|light| light.stored).sum();
+        map.lights[0].stored as f64 / stored as f64
+    };
+    shot.statistics.maps.iter().map(of_map).collect()
+}
+
+/// However strong the sun outside, the lamp has most of the photons of a picture that shows the room alone, and the caustics of its
+/// light keep their brightness.
+#[test]
+fn the_sun_outside_takes_no_photons_from_the_lamp() {
+    let settings = |of: Overrides| Overrides {
+        spp: Some(2),
+        global_photons: Some(20_000),
+        caustic_photons: Some(20_000),
+        gather_samples: Some(4),
+        ..of
+    };
+    let rounds = Overrides {
+        integrator: Some(cardioid::render::IntegratorKind::Progressive),
+        rounds: Some(1),
+        irradiance_cache: Some(false),
+        ..Overrides::default()
+    };
+    let alone = room_in_the_sun(None).shoot(&settings(photon_map())).mean("caustics");
+    for sun in [1e0, 1e2, 1e4, 1e5] {
+        let stage = room_in_the_sun(Some(sun));
+        for (name, of) in [("photon map", photon_map()), ("rounds", rounds.clone())] {
+            let shot = stage.shoot(&settings(of));
+            let shares = share_of_lamp(&shot);
+            println!("{name}, sun of {sun:e}: {shares:?}");
+            assert!(
+                shares.len() == 2 && shares.iter().all(|&share| share > 0.7),
+                "{name}, {sun:e}: {shares:?}"
+            );
+            assert_close(&format!("{name}, {sun:e}"), shot.mean("caustics"), alone, 0.05);
+        }
+    }
+    // A lamp that lights all that the sun lights shares by flux, and its picture keeps its bits.
+    let plain = "[[lights]]\ntype = \"point\"\nposition = [0, 3, 0]\npower = 90\n\
+                 [[lights]]\ntype = \"point\"\nposition = [1, 3, 0]\npower = 60\n";
+    let text = format!(
+        "[camera]\neye = [0, 3, 6]\nat = [0, 0, 0]\n[materials.white]\ntype = \"lambert\"\nreflectance = 0.6\n\
+         [[shapes]]\ntype = \"disc\"\nradius = 4\nmaterial = \"white\"\n[[shapes]]\ntype = \"box\"\nmin = [-1, 0, -1]\n\
+         max = [1, 1, 1]\nmaterial = \"white\"\n{plain}"
+    );
+    let stage = Stage::new(&text, (8, 8));
+    let settings = stage.settings(&photon_map());
+    let plan = settings.plan(stage.scene());
+    assert!(plan.photon_budget.build);
+    assert_eq!(photon_budget(stage.scene(), &stage.built.camera, &plan, &settings), None);
 }

@@ -190,16 +190,18 @@ impl<'a> Hunter<'a> {
         Self { scene, camera_medium, max_depth, lamps }
     }
 
-    /// What is found from one place of the picture.
+    /// What is found from one place of the picture, and in how many ways the camera's ray itself meets lamps there that so many
+    /// samples of its pixel (`of_pixel`) would meet less than once in the mean; shares where interfaces split it.
     pub fn look(
         &self,
         (camera, place): (&Camera, FilmPlace),
+        of_pixel: f32,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
-    ) -> Vec<Glint> {
+    ) -> (Vec<Glint>, f32) {
         let lens = camera.lens().map_or(Vec2::ZERO, |_| samples.next_2d());
         let ray = CameraRay::new(camera, place, lens);
-        let mut found = Vec::new();
+        let (mut found, mut met) = (Vec::new(), 0.0);
         let mut branches = std::mem::take(&mut scratch.branches);
         branches.clear();
         branches.push(Branch::from_eye(ray.ray, self.camera_medium));
@@ -215,6 +217,12 @@ impl<'a> Hunter<'a> {
             let Some((hit, _)) = self.scene.intersect_within(&branch.ray, &mut branch.medium) else {
                 continue;
             };
+            if let Some(id) = self.scene.surface(&hit).light
+                && !chain.is_empty()
+                && self.certainty(&ray, chain, (id, &branch.ray), (of_pixel, 1.0)) < 1.0
+            {
+                met += branch.share;
+            }
             let shading = self.scene.shading_within(&hit, branch.medium);
             if branch.depth + 1 >= self.max_depth || !shading.bsdf.has_specular() {
                 continue;
@@ -226,7 +234,7 @@ impl<'a> Hunter<'a> {
             }
         }
         scratch.branches = branches;
-        found
+        (found, met)
     }
 
     /// The place of the picture from which the chain leads to the middle of the lamp.

@@ -34,6 +34,45 @@ pub struct GlintMap {
     reach: f32,
 }
 
+/// How often camera samples meet, behind chains of surfaces, lamps whose images are small there: by blocks of pixels of the whole
+/// picture.
+///
+/// One such image is met by few samples. Where images are many, as between mirrors that face each other, they are met often, and
+/// each another one.
+#[derive(Clone, Debug, Default)]
+pub struct ChanceMeetings {
+    /// Blocks in a row.
+    across: usize,
+    /// By block, row by row: meetings for one camera sample.
+    rates: Vec<f32>,
+}
+
+impl ChanceMeetings {
+    /// Pixels on a side of a block.
+    pub const BLOCK: u32 = 8;
+
+    /// Of a picture of `width` pixels, by `met` in each pixel as a mean over the rays from there; pixels that nobody looked from
+    /// count for none of their block. `met` has place and value of pixels.
+    pub fn new((width, height): (u32, u32), met: impl IntoIterator<Item = ((u32, u32), f32)>) -> Self {
+        let across = width.div_ceil(Self::BLOCK) as usize;
+        let mut sums = vec![(0.0, 0u32); across * height.div_ceil(Self::BLOCK) as usize];
+        for ((x, y), value) in met {
+            let (sum, count) = &mut sums[(y / Self::BLOCK) as usize * across + (x / Self::BLOCK) as usize];
+            *sum += value;
+            *count += 1;
+        }
+        let rate = |(sum, count): (f32, u32)| if count > 0 { sum / count as f32 } else { 0.0 };
+        Self { across, rates: sums.into_iter().map(rate).collect() }
+    }
+
+    /// The rate around the pixel with this `center`.
+    fn around(&self, center: Vec2) -> f32 {
+        let block = (center.max(Vec2::ZERO) / Self::BLOCK as f32).as_uvec2();
+        let column = (block.x as usize).min(self.across.saturating_sub(1));
+        self.rates.get(block.y as usize * self.across + column).copied().unwrap_or(0.0)
+    }
+}
+
 fn pixel_of(glint: &Glint) -> (i32, i32) {
     let at = glint.ellipse.middle().floor().as_ivec2();
     (at.y, at.x)
@@ -184,6 +223,8 @@ pub struct GlintView<'a> {
     pub pixel: Option<&'a PixelGlints<'a>>,
     /// What they were found by.
     pub hunter: &'a Hunter<'a>,
+    /// How often lamps are met by chance.
+    pub meetings: &'a ChanceMeetings,
     /// Camera samples that the pixel has, where light met by chance is to count for no more than these make certain.
     pub samples: Option<f32>,
 }
@@ -206,6 +247,9 @@ impl GlintView<'_> {
         match self.samples {
             Some(samples) => {
                 let certainty = self.hunter.certainty(self.camera, *chain, (id, ray), (samples, own));
+                // Each image is rare, but not that one is met.
+                let often = samples * self.meetings.around(self.camera.place().center);
+                let certainty = certainty.max(often.min(1.0));
                 (certainty, certainty < 1.0)
             }
             None => (1.0, false),

@@ -18,5 +18,5 @@ mod widen;
 
 pub(super) use chain::Chain;
 pub use hunt::{FARTHEST_GLINT, Glint, Hunter};
-pub use map::{GlintMap, GlintView, PixelGlints};
+pub use map::{ChanceMeetings, GlintMap, GlintView, PixelGlints};
 pub(super) use widen::spread_of;

@@ -28,11 +28,10 @@ fn area_light(kind: u32, size: f64, two_sided: bool, flip: bool, rng: &mut Rng) 
 /// Spheres around the origin, from specks to one that holds the light.
 fn casters(count: usize, rng: &mut Rng) -> Vec<Target> {
     (0..count as u32)
-        .map(|surface| Target {
-            center: warp::square_to_sphere(rng.next_2d()) * (1.5 * rng.next_f32()),
-            radius: 10f32.powf(-4.0 + 4.0 * rng.next_f32()),
-            density: 0.1 + rng.next_f32(),
-            surface,
+        .map(|surface| {
+            let center = warp::square_to_sphere(rng.next_2d()) * (1.5 * rng.next_f32());
+            let sphere = Target::of_sphere(center, 10f32.powf(-4.0 + 4.0 * rng.next_f32()));
+            Target { density: 0.1 + rng.next_f32(), surface, ..sphere }
         })
         .collect()
 }
@@ -126,7 +125,7 @@ proptest! {
 
 #[test]
 fn one_sphere_is_aimed_at_uniformly() {
-    let target = Target { center: Vec3::X * 2.0, radius: 1.0, density: 0.3, surface: 0 };
+    let target = Target { density: 0.3, ..Target::of_sphere(Vec3::X * 2.0, 1.0) };
     let light = PointLight { position: Vec3::ZERO, intensity: Rgb::ONE };
     let map = ProjectionMap::of_point(&light, &[target]).unwrap();
     let solid_angle = TAU * (1.0 - (1.0f32 - 0.25).sqrt());
@@ -142,8 +141,7 @@ fn one_sphere_is_aimed_at_uniformly() {
 /// Where two spheres overlap on the sky the area that they cover together comes out, and the denser one gets more photons.
 #[test]
 fn overlaps_are_not_counted_twice() {
-    let sphere =
-        |y: f32, density: f32| Target { center: Vec3::new(2.0, y, 0.0), radius: 0.6, density, surface: 0 };
+    let sphere = |y: f32, density: f32| Target { density, ..Target::of_sphere(Vec3::new(2.0, y, 0.0), 0.6) };
     let targets = [sphere(0.0, 1.0), sphere(0.5, 4.0)];
     let light = PointLight { position: Vec3::ZERO, intensity: Rgb::ONE };
     let map = ProjectionMap::of_point(&light, &targets).unwrap();
@@ -179,7 +177,7 @@ fn overlaps_are_not_counted_twice() {
 fn starts_are_where_casters_are_in_view() {
     let light = EmitterShape::Sphere(Sphere::new(DVec3::ZERO, 0.5).unwrap());
     let light = AreaLight::new(vec![light], Rgb::ONE, false, false).unwrap();
-    let target = Target { center: Vec3::new(0.0, 3.0, 0.0), radius: 0.2, density: 1.0, surface: 0 };
+    let target = Target { density: 1.0, ..Target::of_sphere(Vec3::new(0.0, 3.0, 0.0), 0.2) };
     let map = ProjectionMap::of_area(&light, 1.0, &[target]).unwrap();
     let mut rng = Rng::new(0, Stream::Measure, 4);
     let n = 10_000;

@@ -13,14 +13,14 @@ pub use error::{ErrorEstimate, error_of_halves};
 
 use super::glints::{GlintHunt, Glints, find_glints};
 use super::job::{PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, statistics};
-use super::maps::{PassOne, build_maps};
+use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
 use super::observer::Observer;
 use super::pace::Pace;
 use super::settings::Settings;
 use super::stats::Statistics;
 use crate::camera::Camera;
 use crate::film::{Film, FilmError, LayerSet};
-use crate::integrators::{Counters, Narrowing, PhotonMapSettings};
+use crate::integrators::{Counters, Narrowing, PhotonBudget, PhotonMapSettings};
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use checkpoint::{Header, Identity};
 use law::Areas;
@@ -155,10 +155,12 @@ pub fn render_in_rounds(
             None
         }
     };
+    let budget = photon_budget(scene, camera, plan, settings);
     // Rounds that are gone on with stay as they are.
     let deadline = observer.deadline().filter(|_| state.header.statistics.done == 0);
     if let Some(deadline) = deadline {
-        let paced = Pace { scene, camera, request, plan, finest: &[], deadline, observer }
+        let budget = budget.as_ref();
+        let paced = Pace { scene, camera, request, plan, finest: &[], budget, deadline, observer }
             .fit(&Settings { illumination_maps: false, ..settings.clone() })?;
         let size = |settings: &Settings| RoundSize {
             spp: settings.spp,
@@ -176,7 +178,7 @@ pub fn render_in_rounds(
         RenderRequest { settings, ..request.clone() }
     });
     let request = fitted.as_ref().unwrap_or(request);
-    let job = Job { scene, camera, request, plan, glints, warnings, observer };
+    let job = Job { scene, camera, request, plan, glints, warnings, budget, observer };
     let mut run = Run {
         job,
         state,
@@ -198,6 +200,8 @@ struct Job<'a> {
     glints: Option<Glints<'a>>,
     /// Of what came before the rounds.
     warnings: Vec<String>,
+    /// How photons of all rounds are shared out.
+    budget: Option<PhotonBudget>,
     observer: &'a dyn Observer,
 }
 
@@ -231,7 +235,8 @@ impl Job<'_> {
             ..asked.clone()
         };
         let observer = RoundObserver { inner: self.observer, is_first: round == 0 };
-        let pass_one = build_maps(self.scene, self.plan, &settings, &observer)?;
+        let for_picture = ForPicture { budget: self.budget.as_ref(), ..ForPicture::default() };
+        let pass_one = build_maps_from(self.scene, self.plan, &settings, for_picture, &observer)?;
         if pass_one.cancelled {
             return Ok(None);
         }

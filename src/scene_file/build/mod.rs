@@ -486,7 +486,7 @@ impl<'a> Builder<'a> {
             assembly.emitters.push(Emitter { shape: index, surface, pieces: placed.emitter, emission, flip });
         }
         if !placed.bounds.is_empty() {
-            assembly.targets.push(self.target(index, placed.sphere, surface));
+            assembly.targets.push(self.target(index, placed.sphere, &placed.bounds, surface));
         }
         assembly.nodes.push(Node::Surface(surface as u32));
         assembly.surfaces.push(self.surface(index, placed.geometry, flip));
@@ -519,7 +519,7 @@ impl<'a> Builder<'a> {
         top.add_instance(&committed, &placement.to_world).map_err(|problem| error(problem.into()))?;
         let bounds = source.bounds(total);
         if !bounds.is_empty() {
-            let target = self.target(index, (bounds.center(), bounds.radius()), first as usize);
+            let target = self.target(index, (bounds.center(), bounds.radius()), &bounds, first as usize);
             assembly.targets.push(target);
         }
         assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
@@ -571,7 +571,7 @@ impl<'a> Builder<'a> {
                     let bounds = source.bounds(&(world * *transform));
                     if !bounds.is_empty() {
                         let sphere = (bounds.center(), bounds.radius());
-                        assembly.targets.push(self.target(index, sphere, first as usize + number));
+                        assembly.targets.push(self.target(index, sphere, &bounds, first as usize + number));
                     }
                 }
                 assembly.nodes.push(Node::Instance { first, placement: Box::new(placement) });
@@ -624,8 +624,14 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The `sphere` around shape `index` as what photons are aimed at. What casts caustics is up to the materials.
-    fn target(&self, index: usize, (center, radius): (DVec3, f64), surface: usize) -> Target {
+    /// The sphere and the box around shape `index` as what photons are aimed at. What casts caustics is up to the materials.
+    fn target(
+        &self,
+        index: usize,
+        (center, radius): (DVec3, f64),
+        bounds: &Bounds3,
+        surface: usize,
+    ) -> Target {
         let shape = &self.description.shapes[index].value;
         let parts = self.part_materials(index).into_iter().map(|material| material as usize);
         let specularity =
@@ -636,6 +642,10 @@ impl<'a> Builder<'a> {
             radius: (radius * (1.0 + 1e-5) + 1e-7 * center.length()) as f32,
             density: specularity * shape.caustic_photons as f32,
             surface: surface as u32,
+            bounds: {
+                let (min, max) = bounds.to_f32_outward();
+                [min.into(), max.into()]
+            },
         }
     }
 }
