@@ -164,7 +164,8 @@ pub fn render_with_maps(
     let paced = match observer.deadline().filter(|_| saved.is_none()) {
         Some(deadline) => {
             let budget = shared;
-            Pace { scene, camera, request, plan: &plan, finest: &finest, budget, deadline, observer }.fit(settings)?
+            Pace { scene, camera, request, plan: &plan, finest: &finest, budget, deadline, observer }
+                .fit(settings)?
         }
         None => Paced::unlimited(settings),
     };
