@@ -74,7 +74,7 @@ proptest! {
                 let Some(cell) = cell else { return Err(TestCaseError::fail("a light that sees a caster has no map")) };
                 prop_assert!(cell.is_marked(direction), "{direction} from {}", start.position);
                 let number = number_in(cell, target);
-                let may_hold = |number| cell.bins.as_ref().is_none_or(|bins| bins.at(direction).contains(&number));
+                let may_hold = |number: u32| cell.bins.as_ref().is_none_or(|bins| bins.at(direction).contains(&number));
                 prop_assert!(number.is_some_and(may_hold));
             }
             Ok(())
