@@ -152,8 +152,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         bounds: (glam::Vec3::ZERO, 1.0),
         // What photons are aimed at: everything, and those of caustics at the glass alone.
         targets: vec![
-            Target { center: glam::Vec3::ZERO, radius: 1.0, density: 0.0, surface: 0 },
-            Target { center: glam::Vec3::new(0.25, -0.2, 0.1), radius: 0.35, density: 1.0, surface: 2 },
+            Target::of_sphere(glam::Vec3::ZERO, 1.0),
+            Target { density: 1.0, surface: 2, ..Target::of_sphere(glam::Vec3::new(0.25, -0.2, 0.1), 0.35) },
         ],
         light_notes: vec![LightNote { name: "lamp".to_owned(), photons: 1.0 }],
     });
