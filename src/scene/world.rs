@@ -212,7 +212,17 @@ impl Scene {
         let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
         let has_interfaces = parts.materials.iter().any(|(_, material)| material.media().is_some());
         let (light_media, overfull) = (OnceLock::new(), Mutex::default());
-        Self { parts, casters, light_power, light_choice, open, contacts, overfull, has_interfaces, light_media }
+        Self {
+            parts,
+            casters,
+            light_power,
+            light_choice,
+            open,
+            contacts,
+            overfull,
+            has_interfaces,
+            light_media,
+        }
     }
 
     /// Name of the scene.

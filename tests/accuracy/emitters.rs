@@ -120,7 +120,7 @@ fn sizes_and_distances(kind: &Kind) -> impl Iterator<Item = (f64, f64)> {
     let sizes = [1e-12, 1e-9, 1e-6, 1e-4, 1e-2, 1.0];
     let pairs = distances.into_iter().flat_map(move |distance| sizes.map(|size| (size, distance)));
     // Near lamps are another matter, and the tiniest is of no use to anyone across a kilometre.
-    let is_small = |size: f64, distance: f64| size <= 0.01 * distance && size >= least * distance;
+    let is_small = move |size: f64, distance: f64| size <= 0.01 * distance && size >= least * distance;
     pairs.filter(move |&(size, distance)| is_small(size, distance) && (size > 1e-11 || distance <= 1.0))
 }
 
