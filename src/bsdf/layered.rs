@@ -229,6 +229,11 @@ impl Layered {
         matches!(self.body, Body::Interface(_))
     }
 
+    /// Whether light passes it, bent or not.
+    pub fn transmits(&self) -> bool {
+        self.transmitted != Rgb::ZERO
+    }
+
     #[inline]
     pub(super) fn is_anisotropic(&self) -> bool {
         self.facets.along != self.facets.across

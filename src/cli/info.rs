@@ -8,7 +8,7 @@ use cardioid::image_io::{self, PngPixels};
 use cardioid::lights::Light;
 use cardioid::photons::projection_picture;
 use cardioid::render::{Settings, Silent};
-use cardioid::scene::{RenderPlan, Scene};
+use cardioid::scene::{Material, RenderPlan, Scene};
 use clap::Args;
 use serde::Serialize;
 use std::io::Write;
@@ -33,10 +33,18 @@ pub(crate) struct InfoArgs {
     json: bool,
 }
 
+/// A material, and what it is in words.
+#[derive(Serialize)]
+struct DescribedMaterial {
+    name: String,
+    kind: String,
+}
+
 /// What `--json` prints.
 #[derive(Serialize)]
 struct Described<'a> {
     scene: &'a str,
+    materials: Vec<DescribedMaterial>,
     settings: &'a Settings,
     plan: &'a RenderPlan,
 }
@@ -44,6 +52,7 @@ struct Described<'a> {
 pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     let mut outputs = Outputs::new([args.scene.scene.as_path()]);
     let loaded = load(&args.scene, &outputs, &Silent, &|| ())?;
+    loaded.print_notes();
     let settings = Settings::from(&args.settings.over(&loaded.description.render));
     let scene = &loaded.built.scene;
     let plan = settings.plan(scene);
@@ -60,13 +69,18 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     }
     let mut out = std::io::stdout().lock();
     if args.json {
-        let value = Described { scene: scene.name(), settings: &settings, plan: &plan };
+        let described = |(name, material): &(String, Material)| DescribedMaterial {
+            name: name.clone(),
+            kind: material.describe(scene.media()),
+        };
+        let materials = scene.materials().iter().map(described).collect();
+        let value = Described { scene: scene.name(), materials, settings: &settings, plan: &plan };
         writeln!(out, "{}", serde_json::to_string_pretty(&value)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     writeln!(out, "{}", scene.name())?;
     writeln!(out, "  picture    {} x {} pixels", loaded.size.0, loaded.size.1)?;
-    writeln!(out, "  camera     {}", describe_camera(loaded.description.camera.as_ref()))?;
+    writeln!(out, "  camera     {}", describe_camera(&loaded.built.view))?;
     let radius = scene.space().metres(f64::from(scene.bounds().1));
     writeln!(out, "  extent     radius {radius:.4} m around {:.4} m", scene.space().center)?;
     writeln!(out, "  geometry   {}", plan.geometry.join(", "))?;
@@ -83,6 +97,9 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         };
         let flux = light.flux(scene.bounds().1) * flux_unit;
         writeln!(out, "  light      {kind}, {:.4} {:.4} {:.4} W", flux.x, flux.y, flux.z)?;
+    }
+    for (name, material) in scene.materials() {
+        writeln!(out, "  material   {name}: {}", material.describe(scene.media()))?;
     }
     write_contacts(&mut out, scene)?;
     writeln!(out, "  Embree     {}", loaded.device.version())?;

@@ -87,6 +87,8 @@ pub(crate) fn crop(text: &str) -> Result<PixelRect, String> {
 
 /// A scene as it was read and built.
 pub(crate) struct Loaded {
+    /// Its file.
+    path: PathBuf,
     pub(crate) description: SceneDescription,
     pub(crate) built: BuiltScene,
     pub(crate) device: Arc<Device>,
@@ -154,7 +156,16 @@ pub(crate) fn load(
         say!("{note}");
     }
     let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
-    Ok(Loaded { description, built, device, size, hash, estimate })
+    Ok(Loaded { path: args.scene.clone(), description, built, device, size, hash, estimate })
+}
+
+impl Loaded {
+    /// Says on standard error what was guessed.
+    pub(crate) fn print_notes(&self) {
+        for note in &self.built.notes {
+            say!("note: {}: {}", self.path.display(), note.message);
+        }
+    }
 }
 
 /// Where a mesh comes alone, the place in the scene that the program puts around it says nothing.
@@ -180,18 +191,13 @@ fn up_note(scene: &Scene) -> Option<&'static str> {
 }
 
 /// The camera in words.
-pub(crate) fn describe_camera(camera: Option<&CameraDescription>) -> String {
-    match camera {
-        None => "framed around the scene".to_owned(),
-        Some(camera) => {
-            let axis = match camera.fov_axis {
-                FovAxis::Vertical => "vertical",
-                FovAxis::Horizontal => "horizontal",
-            };
-            let at = |p: glam::DVec3| format!("({:.4}, {:.4}, {:.4}) m", p.x, p.y, p.z);
-            format!("at {}, looking at {}, {:.2} degrees {axis}", at(camera.eye), at(camera.at), camera.fov)
-        }
-    }
+pub(crate) fn describe_camera(camera: &CameraDescription) -> String {
+    let axis = match camera.fov_axis {
+        FovAxis::Vertical => "vertical",
+        FovAxis::Horizontal => "horizontal",
+    };
+    let at = |p: glam::DVec3| format!("({:.4}, {:.4}, {:.4}) m", p.x, p.y, p.z);
+    format!("at {}, looking at {}, {:.2} degrees {axis}", at(camera.eye), at(camera.at), camera.fov)
 }
 
 /// The filter of the film room that a scene file describes.

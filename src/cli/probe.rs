@@ -100,6 +100,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
         .context("cannot start the threads")?;
     pool.install(|| {
         let loaded = load(&args.scene, &outputs, &Silent, &|| ())?;
+        loaded.print_notes();
         let scene = &loaded.built.scene;
         let radius = scene.space().metres(f64::from(scene.bounds().1));
         let request = ProbeRequest {

@@ -7,7 +7,7 @@ use super::progress::{Console, catch_interrupts, end_with_input, interrupted};
 use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
 use cardioid::embree::Isa;
-use cardioid::film::{Developed, Film, LayerSet, PixelRect, ToneCurve, ToneMap};
+use cardioid::film::{Developed, Film, LayerSet, PixelRect, ToneCurve, ToneMap, auto_exposure};
 use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels, Window};
 use cardioid::render::{
     IntegratorKind, Observer, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, SavedMaps,
@@ -153,6 +153,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
             return Ok(ExitCode::from(code));
         }
         let loaded = loaded?;
+        if !args.quiet {
+            loaded.print_notes();
+        }
         // Only now: Embree's threads ask the loader for something too, and would have to wait for this.
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
@@ -209,7 +212,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
                 developed.clamped
             );
         }
-        let mut failures = pictures.write(args, &loaded, &developed, &statistics);
+        let exposure = Exposure::choose(args, &loaded, &developed);
+        exposure.tell(args, &developed, !loaded.built.scene.lights().is_empty());
+        let mut failures = pictures.write(args, &loaded, &developed, &statistics, &exposure);
         if !args.quiet {
             summary(&statistics, stopped, request.settings.spp, &developed);
             if failures.is_empty() {
@@ -292,6 +297,74 @@ fn process(start: Instant) -> ProcessStatistics {
     }
 }
 
+/// How the PNG is developed, and who decided it. The EXR holds radiance whatever the exposure.
+struct Exposure {
+    tone: ToneMap,
+    /// Stops that every exposure that is given comes on top of.
+    white: f64,
+    from: &'static str,
+}
+
+impl Exposure {
+    /// That of the command line, or of the scene, or one by the picture itself.
+    fn choose(args: &RenderArgs, loaded: &Loaded, developed: &Developed) -> Self {
+        let film = &loaded.built.film;
+        let given = args.exposure.map(|stops| (stops, "command line"));
+        let given = given.or(film.exposure.map(|stops| (stops, "scene")));
+        let (exposure, from) = match given {
+            Some((stops, from)) => (stops + film.white, from),
+            None => (auto_exposure(developed.beauty()).unwrap_or(film.white), "picture"),
+        };
+        let curve = match args.tone {
+            CurveArg::None => ToneCurve::None,
+            CurveArg::Neutral => ToneCurve::Neutral,
+        };
+        Self { tone: ToneMap { exposure, curve }, white: film.white, from }
+    }
+
+    /// Says what the exposure is where nobody asked for it, and what would help where it shows nothing.
+    fn tell(&self, args: &RenderArgs, developed: &Developed, has_light: bool) {
+        let stops = self.tone.exposure - self.white;
+        let seen = self.tone.rendition(developed.beauty());
+        if self.from == "picture" && !args.quiet && !seen.is_black() {
+            say!(
+                "exposure {stops:.2} stops, chosen by the picture, as the scene gives none: --exposure {stops:.2} keeps it"
+            );
+        }
+        if developed.unsampled > 0 {
+            return;
+        }
+        if seen.is_black() && has_light {
+            say!(
+                "warning: the picture is black: no light reaches what the camera sees; is the camera, or are all lights, shut \
+                 in or turned away?"
+            );
+        }
+        if seen.is_black() {
+            return;
+        }
+        let better = auto_exposure(developed.beauty()).map_or(0.0, |better| better - self.white);
+        if seen.is_too_bright() {
+            say!(
+                "warning: {:.0} % of the pixels are beyond white at an exposure of {stops:.2} stops; try --exposure {better:.1}",
+                100.0 * seen.clipped as f64 / seen.pixels as f64
+            );
+        } else if seen.is_too_dark() {
+            say!(
+                "warning: all pixels are black at an exposure of {stops:.2} stops, though there is light; try --exposure \
+                 {better:.1}"
+            );
+        }
+    }
+
+    fn metadata(&self) -> [(String, MetadataValue); 2] {
+        [
+            ("cardioid/exposure".into(), MetadataValue::Double(self.tone.exposure)),
+            ("cardioid/exposureFrom".into(), self.from.into()),
+        ]
+    }
+}
+
 /// Where pictures go. Checked before anything is rendered: a wrong name should not cost an hour.
 struct Pictures {
     exr: Option<PathBuf>,
@@ -369,16 +442,23 @@ impl Pictures {
         loaded: &Loaded,
         developed: &Developed,
         statistics: &Statistics,
+        exposure: &Exposure,
     ) -> Vec<anyhow::Error> {
         let results = [
-            self.write_exr(loaded, developed, statistics),
-            self.write_png(args, loaded, developed),
+            self.write_exr(loaded, developed, statistics, exposure),
+            self.write_png(developed, exposure),
             write_statistics(args, statistics),
         ];
         results.into_iter().filter_map(Result::err).collect()
     }
 
-    fn write_exr(&self, loaded: &Loaded, developed: &Developed, statistics: &Statistics) -> Result<()> {
+    fn write_exr(
+        &self,
+        loaded: &Loaded,
+        developed: &Developed,
+        statistics: &Statistics,
+        exposure: &Exposure,
+    ) -> Result<()> {
         let (width, height) = (developed.rect.width(), developed.rect.height());
         if let Some(exr) = &self.exr {
             let mut image = Image::new(width, height);
@@ -391,22 +471,15 @@ impl Pictures {
             });
             image.layers = layers_of(developed);
             image.metadata = metadata(loaded, developed, statistics)?;
+            image.metadata.extend(exposure.metadata());
             image_io::write_exr(exr, &image)?;
         }
         Ok(())
     }
 
-    fn write_png(&self, args: &RenderArgs, loaded: &Loaded, developed: &Developed) -> Result<()> {
+    fn write_png(&self, developed: &Developed, exposure: &Exposure) -> Result<()> {
         let (width, height) = (developed.rect.width(), developed.rect.height());
-        let tone = ToneMap {
-            exposure: args.exposure.unwrap_or(loaded.description.film.exposure)
-                + loaded.description.film.white,
-            curve: match args.tone {
-                CurveArg::None => ToneCurve::None,
-                CurveArg::Neutral => ToneCurve::Neutral,
-            },
-        };
-        let bytes = tone.to_srgb8(developed.beauty());
+        let bytes = exposure.tone.to_srgb8(developed.beauty());
         Ok(image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?)
     }
 }

@@ -372,8 +372,10 @@ impl Sweeper<'_> {
     }
 
     fn write_png(&self, path: &Path, values: &[f32]) -> Result<()> {
+        let film = &self.loaded.built.film;
+        let given = film.exposure.map(|stops| stops + film.white);
         let tone = cardioid::film::ToneMap {
-            exposure: self.loaded.description.film.exposure,
+            exposure: given.or_else(|| cardioid::film::auto_exposure(values)).unwrap_or_default(),
             curve: cardioid::film::ToneCurve::None,
         };
         let (width, height) = self.loaded.size;

@@ -12,4 +12,4 @@ pub use buffer::{Developed, Film, FilmError, Layer, PixelSample, Rejections, Til
 pub use filter::{Filter, FilterError, FilterSample, FilterSampler};
 pub use layers::{AOVS, Aov, LayerSet};
 pub use rect::PixelRect;
-pub use tone::{ToneCurve, ToneMap, auto_exposure, srgb_decode, srgb_encode, srgb_encode_u8};
+pub use tone::{Rendition, ToneCurve, ToneMap, auto_exposure, srgb_decode, srgb_encode, srgb_encode_u8};

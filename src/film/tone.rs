@@ -85,6 +85,23 @@ impl ToneMap {
         self.curve.apply(exposed.as_vec3())
     }
 
+    /// How much of the interleaved linear RGB `pixels` is seen, before any curve.
+    pub fn rendition(&self, pixels: &[f32]) -> Rendition {
+        /// Where the byte after 255 would begin, in encoded values.
+        const BEYOND_WHITE: f64 = 255.5 / 255.0;
+        let white = ((BEYOND_WHITE + 0.055) / 1.055).powf(2.4);
+        let scale = self.exposure.exp2();
+        let mut rendition = Rendition::default();
+        for pixel in pixels.chunks_exact(3) {
+            let brightest = f64::from(pixel[0].max(pixel[1]).max(pixel[2])) * scale;
+            rendition.pixels += 1;
+            rendition.clipped += u64::from(brightest >= white);
+            rendition.visible += u64::from(brightest > 1.0 / 255.0);
+            rendition.lit += u64::from(brightest > 0.0);
+        }
+        rendition
+    }
+
     /// Bytes for a PNG of the interleaved linear RGB `pixels`; as many as there are values. Values that do not fill
     /// a pixel at the end are black.
     pub fn to_srgb8(&self, pixels: &[f32]) -> Vec<u8> {
@@ -94,6 +111,36 @@ impl ToneMap {
             out.iter_mut().zip(colour.to_array()).for_each(|(byte, x)| *byte = srgb_encode_u8(x));
         });
         bytes
+    }
+}
+
+/// What a developed picture shows of its pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rendition {
+    /// Pixels in all.
+    pub pixels: u64,
+    /// Of those, pixels with a channel that rounds to more than white.
+    pub clipped: u64,
+    /// Pixels with a channel above a 255th of white.
+    pub visible: u64,
+    /// Pixels with a channel above zero, however dark.
+    pub lit: u64,
+}
+
+impl Rendition {
+    /// Whether more than half of the picture is beyond white.
+    pub fn is_too_bright(&self) -> bool {
+        2 * self.clipped > self.pixels
+    }
+
+    /// Whether there is light, and nothing of it is seen.
+    pub fn is_too_dark(&self) -> bool {
+        self.visible == 0 && self.lit > 0
+    }
+
+    /// Whether there is no light in it at all.
+    pub fn is_black(&self) -> bool {
+        self.lit == 0
     }
 }
 
@@ -166,6 +213,23 @@ mod tests {
         assert_eq!(map(-2.0).apply(Rgb::splat(2.0)), Rgb::splat(0.5));
         assert!((map(-100.0).apply(Rgb::splat(1e30)).x / (1e30 / 2f64.powi(100)) as f32 - 1.0).abs() < 1e-6);
         assert_eq!(map(1.0).to_srgb8(&[0.25, 0.5, 4.0]), [188, 255, 255]);
+    }
+
+    #[test]
+    fn a_rendition_counts_what_is_seen() {
+        let map = |exposure| ToneMap { exposure, curve: ToneCurve::None };
+        let pixels = [[0.0; 3], [1e-4, 0.0, 0.0], [0.5; 3], [0.2, 1.0, 0.2], [f32::NAN, 0.0, 0.0]].concat();
+        let counts = |stops: f64| {
+            let seen = map(stops).rendition(&pixels);
+            (seen.pixels, seen.clipped, seen.visible, seen.lit)
+        };
+        // White itself is not beyond white.
+        assert_eq!(counts(0.0), (5, 0, 2, 3));
+        assert_eq!(counts(1.5), (5, 2, 2, 3));
+        assert_eq!(counts(-10.0), (5, 0, 0, 3));
+        assert!(map(-10.0).rendition(&pixels).is_too_dark() && !map(0.0).rendition(&pixels).is_too_dark());
+        assert!(map(14.0).rendition(&pixels).is_too_bright() && !map(1.5).rendition(&pixels).is_too_bright());
+        assert!(map(0.0).rendition(&[0.0; 6]).is_black() && !map(0.0).rendition(&[0.0; 6]).is_too_dark());
     }
 
     #[test]

@@ -1,6 +1,6 @@
 use crate::bsdf::{Bsdf, Dielectric, Lambert, Layered, Mirror, RoughDielectric};
 use crate::math::Rgb;
-use crate::media::MediumId;
+use crate::media::{AIR, Medium, MediumId};
 use glam::Vec3;
 
 /// What a surface is made of.
@@ -140,6 +140,33 @@ impl Material {
             Self::Layered { media, .. } => media,
             Self::Lambert { .. } | Self::Mirror { .. } | Self::Glossy { .. } => None,
         }
+    }
+
+    /// What it is, in words; `media` are those of its scene.
+    pub fn describe(&self, media: &[Medium]) -> String {
+        let border = |[inside, outside]: [MediumId; 2]| {
+            let medium = |id: MediumId| match media.get(id as usize) {
+                Some(medium) if id != AIR => format!("a medium of index {}", medium.ior),
+                _ => "air".to_owned(),
+            };
+            format!("border of {} in {}", medium(inside), medium(outside))
+        };
+        let kind = match self {
+            Self::Lambert { .. } => return "diffuse".to_owned(),
+            Self::Mirror { .. } => return "mirror".to_owned(),
+            Self::Glossy { .. } => "opaque".to_owned(),
+            Self::Dielectric { inside, outside, .. } | Self::RoughDielectric { inside, outside, .. } => {
+                border([*inside, *outside])
+            }
+            Self::Layered { media: Some(media), .. } => border(*media),
+            Self::Layered { bsdf, .. } if bsdf.transmits() => "sheet that does not bend light".to_owned(),
+            Self::Layered { .. } => "opaque".to_owned(),
+        };
+        let bsdf = self.front_bsdf();
+        let lobes =
+            [(bsdf.has_diffuse(), "diffuse"), (bsdf.has_glossy(), "glossy"), (bsdf.has_specular(), "smooth")];
+        let lobes: Vec<_> = lobes.iter().filter(|(has, _)| *has).map(|(_, name)| *name).collect();
+        if lobes.is_empty() { kind } else { format!("{kind}, {}", lobes.join(" and ")) }
     }
 
     /// True where photons are stored and maps are asked.

@@ -3,6 +3,7 @@
 
 use super::generate::Generator;
 use super::mesh::TriangleMesh;
+use super::room::Choice;
 use crate::bsdf::Bsdf;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
@@ -93,6 +94,8 @@ pub struct SceneDescription {
     pub light_photons: Vec<f64>,
     /// What the reader noticed that is legal but probably not meant.
     pub warnings: Vec<SceneWarning>,
+    /// What was guessed where the file says nothing, and how to have it otherwise.
+    pub notes: Vec<SceneWarning>,
     /// Files beside the first one that were read for this description: they count for its hash.
     pub further_files: Vec<PathBuf>,
 }
@@ -174,9 +177,9 @@ pub struct FilmDescription {
     pub height: u32,
     /// Reconstruction filter.
     pub filter: FilterDescription,
-    /// Exposure in stops for the PNG: radiance is multiplied by `2^exposure`.
-    pub exposure: f64,
-    /// Stops that are added to every exposure, whoever asks for it: what the scene takes for white.
+    /// Exposure in stops for the PNG: radiance is multiplied by `2^exposure`; `None` where the picture itself decides.
+    pub exposure: Option<f64>,
+    /// Stops that are added to every exposure that is given, whoever gives it: what the scene takes for white.
     pub white: f64,
 }
 
@@ -427,6 +430,18 @@ pub enum FitAnchor {
     Bottom,
 }
 
+/// What a fit moves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FitMoves {
+    /// The shape, to where the fit says.
+    Shape,
+    /// Everything else, camera and lights too, the other way: the shape keeps the lengths and the place of its file.
+    Scene {
+        /// Whether the shape is a room: shown from within, without the other shapes and lights.
+        room: Choice,
+    },
+}
+
 /// Turns, moves and scales a mesh, the same in all axes, by its bounding box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitDescription {
@@ -438,9 +453,19 @@ pub struct FitDescription {
     pub at: DVec3,
     /// Up in the mesh's file; turned to y.
     pub up: UpAxis,
+    /// What is moved.
+    pub moves: FitMoves,
 }
 
 impl FitDescription {
+    /// What the mesh itself goes through: [`Self::transform`], or nothing where that moves the scene.
+    pub(super) fn of_shape(&self, bounds: &Bounds3) -> Option<DAffine3> {
+        match self.moves {
+            FitMoves::Shape => self.transform(bounds),
+            FitMoves::Scene { .. } => Some(DAffine3::IDENTITY),
+        }
+    }
+
     /// The map from the mesh's own space to the shape's space, for a mesh with these bounds (of the vertices that
     /// triangles use). `None` where the bounds have no extent that could be scaled: empty, a single point or
     /// not finite.
@@ -573,7 +598,13 @@ mod tests {
     #[test]
     fn fit_stands_a_z_up_mesh_on_the_ground() {
         let bounds = Bounds3 { min: DVec3::new(10.0, 20.0, 30.0), max: DVec3::new(11.0, 22.0, 34.0) };
-        let fit = FitDescription { size: 1.0, anchor: FitAnchor::Bottom, at: DVec3::X, up: UpAxis::Z };
+        let fit = FitDescription {
+            size: 1.0,
+            anchor: FitAnchor::Bottom,
+            at: DVec3::X,
+            up: UpAxis::Z,
+            moves: FitMoves::Shape,
+        };
         let placed = bounds.transformed(&fit.transform(&bounds).unwrap());
         assert!((placed.min - DVec3::new(0.875, 0.0, -0.25)).length() < 1e-14, "{placed:?}");
         assert!((placed.max - DVec3::new(1.125, 1.0, 0.25)).length() < 1e-14, "{placed:?}");
@@ -581,7 +612,13 @@ mod tests {
 
     #[test]
     fn fit_refuses_what_has_no_size() {
-        let fit = FitDescription { size: 1.0, anchor: FitAnchor::Center, at: DVec3::ZERO, up: UpAxis::Y };
+        let fit = FitDescription {
+            size: 1.0,
+            anchor: FitAnchor::Center,
+            at: DVec3::ZERO,
+            up: UpAxis::Y,
+            moves: FitMoves::Shape,
+        };
         assert!(fit.transform(&Bounds3::EMPTY).is_none());
         assert!(fit.transform(&Bounds3 { min: DVec3::ONE, max: DVec3::ONE }).is_none());
         assert!(fit.transform(&Bounds3 { min: DVec3::ZERO, max: DVec3::INFINITY }).is_none());

@@ -38,6 +38,10 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
         // All of it is in the file.
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader(open_regular(&*scene.location.file)?.0)?;
+        // And what was guessed about it.
+        for note in &scene.notes {
+            hasher.update(&(note.message.len() as u64).to_le_bytes()).update(note.message.as_bytes());
+        }
         hash_files(scene, &mut hasher)?;
         return Ok(hasher.finalize().to_hex().to_string());
     }
@@ -49,6 +53,7 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
         film: _,
         render: _,
         warnings: _,
+        notes: _,
         media,
         textures,
         materials,

@@ -20,8 +20,9 @@ pub fn is_mesh_file(path: &Path) -> bool {
     MESH_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known))
 }
 
-/// The mesh on the ground, scaled to a size of 1, in sun and sky, with a camera that sees all of it. `parameters` are those
-/// of `scenes/mesh.toml`; `mesh` is this file, and `materials` is `one` where `material` is given alone. Its name in messages is the mesh's.
+/// The mesh with the lengths of its file on the ground, in sun and sky, with a camera that sees all of it, or from within where it
+/// is a room. `parameters` are those of `scenes/mesh.toml`; `mesh` is this file, and `materials` is `one` where `material` is given
+/// alone. Its name in messages is the mesh's.
 ///
 /// # Errors
 /// As [`super::load_scene`].

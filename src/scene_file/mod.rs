@@ -5,6 +5,7 @@ mod build;
 mod colours;
 mod description;
 mod diagnostic;
+mod enclosure;
 pub mod generate;
 mod gltf;
 mod hash;
@@ -20,6 +21,7 @@ mod parse;
 pub mod ply;
 pub mod polygon;
 mod reader;
+mod room;
 mod stl;
 mod weld;
 
@@ -35,4 +37,5 @@ pub use mesh_file::{MeshFileError, MeshPlace, MeshReading, read_mesh_file, read_
 pub use mesh_scene::{MESH_EXTENSIONS, MESH_SCENE_NAME, is_mesh_file, mesh_scene};
 pub use mesh_size::{MeshSize, kept_textures, mesh_sizes};
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};
+pub use room::Choice;
 pub use stl::{parse_stl_bytes, read_stl};

@@ -60,10 +60,14 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
         let message = format!("{}: {}", shape.name, warning.message);
         taken.warnings.push(SceneWarning { location: shape.location.clone(), message });
     }
+    for note in &model.notes {
+        let message = format!("{}: {}", shape.name, note.message);
+        taken.notes.push(SceneWarning { location: shape.location.clone(), message });
+    }
     let before = match fit {
         None => DAffine3::IDENTITY,
         Some(fit) => {
-            fit.transform(&bounds_of(&model)).ok_or_else(|| error(BuildProblem::Fit(path.clone())))?
+            fit.of_shape(&bounds_of(&model)).ok_or_else(|| error(BuildProblem::Fit(path.clone())))?
         }
     };
     let above = shape.value.transform * before;
@@ -111,6 +115,7 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
                     } else {
                         shape.value.material
                     },
+                    flip_normal: shape.value.flip_normal != part.value.flip_normal,
                     emission: if *own_materials { part.value.emission } else { shape.value.emission },
                     group: if stays {
                         part.value.group.map(|group| first_group + group)

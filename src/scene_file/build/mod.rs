@@ -1,5 +1,6 @@
 //! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
 
+mod around;
 mod gltf_shapes;
 mod light;
 mod media;
@@ -7,11 +8,12 @@ mod own_materials;
 mod place;
 mod textured;
 
+use self::around::Ready;
 use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
-    CameraDescription, EmissionDescription, GeometryDescription, IlluminationDescription, Location,
-    MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
+    CameraDescription, EmissionDescription, FilmDescription, GeometryDescription, IlluminationDescription,
+    Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
 use super::gltf::GltfError;
 use super::ies::IesError;
@@ -40,8 +42,14 @@ pub struct BuiltScene {
     pub scene: Scene,
     /// The camera, for the picture's proportions that were asked for.
     pub camera: Camera,
+    /// What the camera was made of: that of the description, or one that was framed.
+    pub view: CameraDescription,
+    /// The film of the description, with what building it decided.
+    pub film: FilmDescription,
     /// Things a user should know.
     pub warnings: Vec<SceneWarning>,
+    /// What was guessed, and how to have it otherwise.
+    pub notes: Vec<SceneWarning>,
 }
 
 /// Why a scene cannot be built: where, what, and what to do.
@@ -78,6 +86,11 @@ pub enum BuildProblem {
     /// Its triangles.
     #[error(transparent)]
     Triangles(#[from] TriangleError),
+    /// A scene that cannot be placed around it.
+    #[error(
+        "its `fit` moves the scene, and its transform scales differently along different axes; leave that out"
+    )]
+    Around,
     /// Its numbers, once placed.
     #[error("{0} (after its transform)")]
     Shape(#[from] ShapeError),
@@ -187,8 +200,9 @@ pub fn build_scene_watched(
     observer: &dyn Observer,
 ) -> Result<BuiltScene, BuildError> {
     let taken_apart = own_materials::take_apart(description, observer)?;
-    let description = taken_apart.as_ref().unwrap_or(description);
-    let mut builder = Builder::read(description, observer)?;
+    let (settled, ready) = around::settle(description, taken_apart, observer)?;
+    let description = settled.as_ref().unwrap_or(description);
+    let mut builder = Builder::read(description, ready, observer)?;
     let placed = builder.placed_bounds();
     let bounds = placed.iter().fold(Bounds3::EMPTY, |all, (_, bounds)| all.union(*bounds));
     if !(bounds.is_empty() || bounds.center().is_finite() && bounds.radius().is_finite()) {
@@ -196,10 +210,11 @@ pub fn build_scene_watched(
     }
     let space = RenderSpace::fitting(choose_center(&bounds, &placed), bounds.radius());
     builder.warn_of_coarse_positions(space.center, &placed);
-    let camera = builder.camera(&bounds, &space, (width, height))?;
+    let (camera, view) = builder.camera(&bounds, &space, (width, height))?;
     let (embree, assembly) = builder.assemble(device, &space, observer)?;
     let radius = space.length(bounds.radius()) as f32;
     let flux = assembly.flux(&builder.lights, &space, f64::from(radius));
+    builder.warn_of_darkness(flux);
     let space = space.with_flux(flux);
     let (lights, light_notes) = assembly.lights(description, &builder.lights, &space)?.into_iter().unzip();
     builder.warnings.extend(assembly.warnings);
@@ -222,7 +237,8 @@ pub fn build_scene_watched(
         light_notes,
         pixel: builder.pixel,
     });
-    Ok(BuiltScene { scene, camera, warnings: builder.warnings })
+    let (film, notes) = (description.film.clone(), description.notes.clone());
+    Ok(BuiltScene { scene, camera, view, film, warnings: builder.warnings, notes })
 }
 
 /// Tells that a mesh file is read.
@@ -270,19 +286,28 @@ struct Assembly {
 }
 
 impl<'a> Builder<'a> {
-    fn read(description: &'a SceneDescription, observer: &dyn Observer) -> Result<Self, BuildError> {
+    /// Reads all files, but for meshes that are `ready`.
+    fn read(
+        description: &'a SceneDescription,
+        mut ready: Ready,
+        observer: &dyn Observer,
+    ) -> Result<Self, BuildError> {
         let mut warnings = description.warnings.clone();
         let mut sources = Vec::with_capacity(description.shapes.len());
-        for shape in &description.shapes {
+        for (index, shape) in description.shapes.iter().enumerate() {
             let error = |problem| error_of(shape, problem);
-            if let GeometryDescription::MeshFile { path, .. } = &shape.value.geometry {
+            let known = ready.remove(&index);
+            if let (GeometryDescription::MeshFile { path, .. }, None) = (&shape.value.geometry, &known) {
                 begin_reading(observer, path);
             }
             let progress = |done, _| {
                 observer.advance(done);
                 !observer.is_cancelled()
             };
-            let (source, before, report) = Source::read(&shape.value.geometry, &progress).map_err(error)?;
+            let (source, before, report) = match known {
+                Some((mesh, report)) => (Source::mesh(mesh), DAffine3::IDENTITY, report),
+                None => Source::read(&shape.value.geometry, &progress).map_err(error)?,
+            };
             let mut warn = |message: String| {
                 warnings.push(SceneWarning { location: shape.location.clone(), message });
             };
@@ -361,12 +386,29 @@ impl<'a> Builder<'a> {
         });
     }
 
+    /// Warns of a scene in which nothing shines, by the largest channel of the flux of all lights.
+    fn warn_of_darkness(&mut self, flux: f64) {
+        if flux > 0.0 {
+            return;
+        }
+        let message = if self.description.lights.is_empty()
+            && self.description.shapes.iter().all(|shape| shape.value.emission.is_none())
+        {
+            "the scene has no light, so the picture is black: add a `[[lights]]` table, for example `type = \"environment\"` \
+             with `radiance = [1.0, 1.0, 1.0]`, or `emission` to a shape; for a glTF file leave `--set light=no` out"
+        } else {
+            "all lights of the scene have a power of zero, so the picture is black: give one a power above zero"
+        };
+        let location = self.description.location.clone();
+        self.warnings.push(SceneWarning { location, message: message.to_owned() });
+    }
+
     fn camera(
         &mut self,
         bounds: &Bounds3,
         space: &RenderSpace,
         (width, height): (u32, u32),
-    ) -> Result<Camera, BuildError> {
+    ) -> Result<(Camera, CameraDescription), BuildError> {
         let aspect = f64::from(width) / f64::from(height);
         let description = match &self.description.camera {
             Some(camera) => camera.clone(),
@@ -392,12 +434,13 @@ impl<'a> Builder<'a> {
         let fov = description.vertical_fov(width, height);
         self.pixel = (2.0 * (0.5 * fov).to_radians().tan() / f64::from(height)) as f32;
         let camera = Camera::look_at(eye, at, description.up, fov, aspect).ok_or_else(error)?;
-        Ok(match description.lens {
+        let camera = match description.lens {
             Some(lens) => {
                 camera.with_lens(Lens { radius: space.length(lens.radius), focus: space.length(lens.focus) })
             }
             None => camera,
-        })
+        };
+        Ok((camera, description))
     }
 
     fn assemble(

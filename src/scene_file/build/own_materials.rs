@@ -25,16 +25,17 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The description with such meshes taken apart; `None` where there are none.
+/// The description with such meshes taken apart, and by shape of that which shape it comes from; `None` where there are none.
 pub(super) fn take_apart(
     description: &SceneDescription,
     observer: &dyn Observer,
-) -> Result<Option<SceneDescription>, BuildError> {
+) -> Result<Option<(SceneDescription, Vec<usize>)>, BuildError> {
     if !description.shapes.iter().any(|shape| own_look(shape).is_some() || gltf_shapes::is_gltf(shape)) {
         return Ok(None);
     }
     let mut taken = SceneDescription { shapes: Vec::new(), ..description.clone() };
-    for shape in &description.shapes {
+    let mut origins = Vec::new();
+    for (number, shape) in description.shapes.iter().enumerate() {
         match (own_look(shape), &shape.value.geometry) {
             (Some(look), GeometryDescription::MeshFile { path, normals, fit, .. }) => {
                 begin_reading(observer, path);
@@ -54,7 +55,7 @@ pub(super) fn take_apart(
                     None => DAffine3::IDENTITY,
                     Some(fit) => {
                         let missing = || error_of(shape, super::BuildProblem::Fit(path.clone()));
-                        fit.transform(&bounds).ok_or_else(missing)?
+                        fit.of_shape(&bounds).ok_or_else(missing)?
                     }
                 };
                 for part in parts {
@@ -64,8 +65,9 @@ pub(super) fn take_apart(
             _ if gltf_shapes::is_gltf(shape) => gltf_shapes::add(&mut taken, shape)?,
             _ => taken.shapes.push(shape.clone()),
         }
+        origins.resize(taken.shapes.len(), number);
     }
-    Ok(Some(taken))
+    Ok(Some((taken, origins)))
 }
 
 /// Files that say what their surfaces look like.

@@ -93,7 +93,7 @@ impl Source {
                     return Err(BuildProblem::Cloud(path.clone(), cloud));
                 }
                 if let (Some(fit), Self::Mesh(_, bounds)) = (fit, &source) {
-                    before = fit.transform(bounds).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
+                    before = fit.of_shape(bounds).ok_or_else(|| BuildProblem::Fit(path.clone()))?;
                 }
                 source
             }
@@ -137,7 +137,7 @@ impl Source {
         Ok((source, before, report))
     }
 
-    fn mesh(mesh: TriangleMesh) -> Self {
+    pub(super) fn mesh(mesh: TriangleMesh) -> Self {
         let bounds = mesh.bounds();
         Self::Mesh(mesh, bounds)
     }
@@ -332,7 +332,7 @@ fn is_mirrored(transform: &DAffine3) -> bool {
     transform.matrix3.determinant() < 0.0
 }
 
-fn choose_normals(mesh: &mut TriangleMesh, normals: MeshNormals) {
+pub(super) fn choose_normals(mesh: &mut TriangleMesh, normals: MeshNormals) {
     match normals {
         MeshNormals::FromFile => {}
         MeshNormals::Flat => mesh.normals = None,

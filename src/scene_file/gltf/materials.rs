@@ -45,6 +45,8 @@ enum Picture<'a> {
     Bytes(Cow<'a, [u8]>),
     File(PathBuf),
 }
+/// From this share of transmission on a material without a volume may be solid glass.
+const MOSTLY: f32 = 0.5;
 
 /// What the loader keeps of a material.
 #[derive(Clone, Debug)]
@@ -61,7 +63,7 @@ pub(super) struct Converted {
 pub(super) struct Materials<'a> {
     document: &'a gltf::Document,
     json: &'a Value,
-    converted: BTreeMap<(Option<usize>, bool), Converted>,
+    converted: BTreeMap<(Option<usize>, bool, bool), Converted>,
     images: BTreeMap<(usize, Use), Arc<ImageTexture>>,
     budget: TextureBudget,
 }
@@ -132,16 +134,30 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// The material of a primitive; `coloured` where its vertices have colours.
+    /// Whether a material transmits most of the light, bends it, and states no volume: of the file alone it is a sheet.
+    pub(super) fn is_sheet(&self, index: usize) -> Result<bool, Failure> {
+        let Some(value) = self.json.pointer(&format!("/materials/{index}")) else { return Ok(false) };
+        let object = super::label("materials", index, value.get("name").and_then(Value::as_str));
+        let part = Part { value, object: &object };
+        let transmission = "/extensions/KHR_materials_transmission";
+        Ok(part.number(&format!("{transmission}/transmissionFactor"), 0.0)? >= MOSTLY
+            && !part.has(&format!("{transmission}/transmissionTexture"))
+            && !part.has("/extensions/KHR_materials_unlit")
+            && part.number("/extensions/KHR_materials_volume/thicknessFactor", 0.0)? <= 0.0
+            && part.number("/extensions/KHR_materials_ior/ior", 1.5)? > 1.0)
+    }
+
+    /// The material of a primitive; `coloured` where its vertices have colours, `is_body` where the file states no volume and
+    /// the mesh is one.
     pub(super) fn convert(
         &mut self,
         index: Option<usize>,
-        coloured: bool,
+        (coloured, is_body): (bool, bool),
         data: &mut Data<'_>,
         description: &mut SceneDescription,
     ) -> Result<Converted, Failure> {
         let index = index.filter(|index| *index < self.document.materials().len());
-        if let Some(known) = self.converted.get(&(index, coloured)) {
+        if let Some(known) = self.converted.get(&(index, coloured, is_body)) {
             return Ok(known.clone());
         }
         let value =
@@ -155,7 +171,7 @@ impl<'a> Materials<'a> {
             specular_glossiness(&part, &mut material)?;
         }
         self.textures(&part, &mut material, data)?;
-        let media = self.volume(&part, &mut material, name.unwrap_or("glass"), description)?;
+        let media = self.volume(&part, &mut material, (name.unwrap_or("glass"), is_body), description)?;
         let strength =
             part.number("/extensions/KHR_materials_emissive_strength/emissiveStrength", 1.0)?.max(0.0);
         let emitted = if material.unlit {
@@ -180,7 +196,7 @@ impl<'a> Materials<'a> {
             location: description.location.clone(),
             value: MaterialDescription::Layered { material: Arc::new(material), media },
         });
-        self.converted.insert((index, coloured), converted.clone());
+        self.converted.insert((index, coloured, is_body), converted.clone());
         Ok(converted)
     }
 
@@ -273,14 +289,17 @@ impl<'a> Materials<'a> {
         &self,
         part: &Part<'_>,
         material: &mut LayeredMaterial,
-        name: &str,
+        (name, is_body): (&str, bool),
         description: &mut SceneDescription,
     ) -> Result<Option<[usize; 2]>, Failure> {
         if material.factors.transmission <= 0.0 || material.unlit {
             return Ok(None);
         }
         let volume = "/extensions/KHR_materials_volume";
-        if part.number(&format!("{volume}/thicknessFactor"), 0.0)? <= 0.0 {
+        if is_body {
+            // What crosses the body is tinted twice, and a sheet of the same colour once.
+            material.factors.base = material.factors.base.map(f32::sqrt);
+        } else if part.number(&format!("{volume}/thicknessFactor"), 0.0)? <= 0.0 {
             material.factors.body = Body::Thin;
             return Ok(None);
         }

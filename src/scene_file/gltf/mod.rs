@@ -13,6 +13,7 @@ mod primitives;
 mod schema;
 mod semantics;
 mod size;
+mod solid;
 mod stage;
 #[cfg(test)]
 mod tests;
@@ -27,13 +28,15 @@ use self::error::{Failure, fail};
 use self::materials::Materials;
 use self::nodes::{Hierarchy, Placed, Pose};
 use self::primitives::{Deformation, PrimitiveReport, ReadPrimitive};
-use self::stage::{Choice, Wishes};
+use self::solid::{Closure, closure_of};
+use self::stage::Wishes;
 use super::description::{
     EmissionDescription, FilmDescription, FilterDescription, GeometryDescription, InstanceDescription,
     Location, MaterialDescription, MediumDescription, Named, SceneDescription, SceneWarning,
     ShapeDescription,
 };
 use super::diagnostic::suggestion;
+use super::room::Choice;
 use crate::files::read_regular;
 use crate::render::{MemoryError, MemoryEstimate, Overrides};
 use crate::textures::VertexData;
@@ -90,17 +93,47 @@ struct Parameters<'a> {
     /// Whether files outside of the folder of this one may be read.
     outside: bool,
     wishes: Wishes,
+    solid: Solid<'a>,
+}
+
+/// What a user says of materials that transmit light and state no volume.
+#[derive(Default)]
+struct Solid<'a> {
+    all: Choice,
+    by_name: Vec<(&'a str, Choice)>,
+}
+
+impl Solid<'_> {
+    /// What holds for the material of this name; the last word counts.
+    fn of(&self, name: Option<&str>) -> Choice {
+        let own = self.by_name.iter().rev().find(|(own, _)| Some(*own) == name);
+        own.map_or(self.all, |(_, choice)| *choice)
+    }
+
+    /// Every name that is given is that of a material.
+    fn check(&self, document: &gltf::Document) -> Result<(), Failure> {
+        let names: Vec<&str> = document.materials().filter_map(|material| material.name()).collect();
+        match self.by_name.iter().find(|(name, _)| !names.contains(name)) {
+            Some((name, _)) => {
+                let known = suggestion(name, &names);
+                fail("", format!("--set solid:{}: there is no material of this name; {known}", shown(name)))
+            }
+            None => Ok(()),
+        }
+    }
 }
 
 impl<'a> Parameters<'a> {
     fn new(parameters: &'a [(String, String)]) -> Result<Self, Failure> {
-        const NAMES: [&str; 6] = ["scene", "camera", "variant", "ground", "light", "outside"];
+        const NAMES: [&str; 8] =
+            ["scene", "camera", "variant", "ground", "light", "room", "solid", "outside"];
         let mut read = Self {
             scene: None,
             camera: None,
             variant: None,
             outside: false,
-            wishes: Wishes { ground: Choice::Auto, light: Choice::Auto },
+            wishes: Wishes::default(),
+            solid: Solid::default(),
         };
         for (name, value) in parameters {
             let choice = || match value.as_str() {
@@ -122,6 +155,9 @@ impl<'a> Parameters<'a> {
                         _ => return fail("", format!("--set outside={}: write yes or no", shown(value))),
                     }
                 }
+                "room" => read.wishes.room = choice()?,
+                "solid" => read.solid.all = choice()?,
+                _ if name.starts_with("solid:") => read.solid.by_name.push((&name[6..], choice()?)),
                 _ => {
                     let known = suggestion(name, &NAMES);
                     return fail("", format!("a glTF file has no parameter `{}`; {known}", shown(name)));
@@ -151,7 +187,8 @@ fn choose(wanted: &str, names: &[Option<String>], what: &str) -> Result<usize, F
 }
 
 /// Reads a `.gltf` or `.glb` file as a scene. `parameters` are `scene`, `camera`, `variant` (each a name or a number from 0),
-/// `ground` and `light` (`auto`, `yes` or `no`), `outside` (`yes` where it may name files outside of its folder).
+/// `ground`, `light`, `room` and `solid` (`auto`, `yes` or `no`), `solid:` with the name of a material, `outside` (`yes` where it
+/// may name files outside of its folder).
 ///
 /// # Errors
 /// Where the file, or another that it needs, cannot be read, is damaged, or asks for what is not there: with file, object,
@@ -174,7 +211,7 @@ pub fn gltf_scene_within(
     let file = MemoryEstimate { reading: size, ..MemoryEstimate::default() };
     let allowed = allow(&file).or_else(|error| fail("", error));
     let bytes = allowed.and_then(|()| read_file(path));
-    bytes.and_then(|bytes| load(&bytes, path, parameters, allow)).map_err(|failure| told(path, failure))
+    bytes.and_then(|bytes| load(&bytes, path, parameters, allow, true)).map_err(|failure| told(path, failure))
 }
 
 /// [`gltf_scene`] of a file's bytes; messages call it `path`, and other files that it names are looked for beside that.
@@ -182,7 +219,7 @@ pub fn gltf_scene_within(
 /// # Errors
 /// As [`gltf_scene`].
 pub fn parse_gltf_bytes(bytes: &[u8], path: &Path) -> Result<SceneDescription, GltfError> {
-    load(bytes, path, &[], &|_| Ok(())).map_err(|failure| told(path, failure))
+    load(bytes, path, &[], &|_| Ok(()), true).map_err(|failure| told(path, failure))
 }
 
 fn told(path: &Path, (object, problem): Failure) -> GltfError {
@@ -198,8 +235,8 @@ fn told(path: &Path, (object, problem): Failure) -> GltfError {
 /// # Errors
 /// As [`gltf_scene`].
 pub(super) fn gltf_model(path: &Path) -> Result<SceneDescription, GltfError> {
-    let nothing = ["ground", "light"].map(|name| (name.to_owned(), "no".to_owned()));
-    gltf_scene(path, &nothing)
+    let read = read_file(path).and_then(|bytes| load(&bytes, path, &[], &|_| Ok(()), false));
+    read.map_err(|failure| told(path, failure))
 }
 
 /// Files beside this one that it names, as far as they are there.
@@ -228,11 +265,13 @@ fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     read_regular(path, u64::MAX).map_err(io)
 }
 
+/// The scene of a file; `is_alone` adds what it lacks to be a picture.
 fn load(
     bytes: &[u8],
     path: &Path,
     parameters: &[(String, String)],
     allow: Allow<'_>,
+    is_alone: bool,
 ) -> Result<SceneDescription, Failure> {
     let parameters = Parameters::new(parameters)?;
     let parts = container::split(bytes)?;
@@ -251,6 +290,7 @@ fn load(
         description: blank(path),
         report: PrimitiveReport::default(),
         emitting: 0,
+        glass: BTreeMap::new(),
     };
     let scenes: Vec<_> = document.scenes().map(|scene| scene.name().map(str::to_owned)).collect();
     let scene = match parameters.scene {
@@ -261,7 +301,9 @@ fn load(
     let hierarchy = nodes::hierarchy((&document, &json), scene, &mut loader.data, &mut report)?;
     loader.data.foresee("", |estimate| size::add_meshes(&document, &hierarchy, estimate))?;
     let variants = Variants::new(&json, parameters.variant)?;
-    loader.add_meshes(&hierarchy, &variants)?;
+    parameters.solid.check(&document)?;
+    loader.add_meshes(&hierarchy, &variants, &parameters.solid)?;
+    loader.note_glass(&parameters.solid);
     loader.add_camera(&hierarchy, parameters.camera, &mut warnings)?;
     loader.add_lights(&hierarchy);
     warnings.extend(report.into_warnings());
@@ -274,7 +316,9 @@ fn load(
     description.further_files = data.files;
     description.further_files.sort();
     description.further_files.dedup();
-    stage::complete(&mut description, parameters.wishes);
+    if is_alone {
+        stage::complete(&mut description, parameters.wishes);
+    }
     Ok(description)
 }
 
@@ -291,7 +335,7 @@ fn blank(path: &Path) -> SceneDescription {
             width: 640,
             height: 480,
             filter: FilterDescription::Gaussian { radius: 1.5, sigma: 0.5 },
-            exposure: 0.0,
+            exposure: Some(0.0),
             white: 0.0,
         },
         render: Overrides::default(),
@@ -304,6 +348,7 @@ fn blank(path: &Path) -> SceneDescription {
         lights: Vec::new(),
         light_photons: Vec::new(),
         warnings: Vec::new(),
+        notes: Vec::new(),
         further_files: Vec::new(),
     }
 }
@@ -370,11 +415,18 @@ struct Loader<'a> {
     report: PrimitiveReport,
     /// Triangles of emitters so far.
     emitting: usize,
+    /// By material that transmits light and states no volume: meshes that it makes bodies of, and sheets.
+    glass: BTreeMap<usize, [u64; 2]>,
 }
 
 impl Loader<'_> {
     /// Adds the meshes of all nodes: one that several nodes show becomes a group that they place.
-    fn add_meshes(&mut self, hierarchy: &Hierarchy, variants: &Variants<'_>) -> Result<(), Failure> {
+    fn add_meshes(
+        &mut self,
+        hierarchy: &Hierarchy,
+        variants: &Variants<'_>,
+        solid: &Solid<'_>,
+    ) -> Result<(), Failure> {
         let mut by_mesh: BTreeMap<(usize, &Pose), Vec<&Placed>> = BTreeMap::new();
         for node in &hierarchy.meshes {
             by_mesh.entry((node.index, &node.pose)).or_default().push(node);
@@ -406,15 +458,21 @@ impl Loader<'_> {
                 }));
             }
             let transform = if group.is_some() { DAffine3::IDENTITY } else { nodes[0].to_world };
+            let mut parts = Vec::new();
             for primitive in mesh.primitives() {
                 let object = format!("{name}, primitive {}", primitive.index());
                 let read =
                     primitives::read(&mut self.data, &primitive, &deformation, &object, &mut self.report)?;
-                let Some(ReadPrimitive { mesh: triangles, data }) = read else { continue };
-                let coloured = !data.colours.is_empty();
                 let material = variants.material(index, &primitive);
+                parts.extend(read.map(|read| (object, material, read)));
+            }
+            let bodies = self.bodies(&parts, solid)?;
+            for (object, material, ReadPrimitive { mesh: triangles, data }) in parts {
+                let coloured = !data.colours.is_empty();
+                let body = material.and_then(|material| bodies.get(&material).copied());
+                let (data_of, description) = (&mut self.data, &mut self.description);
                 let material =
-                    self.materials.convert(material, coloured, &mut self.data, &mut self.description)?;
+                    self.materials.convert(material, (coloured, body.is_some()), data_of, description)?;
                 let lacks = missing_coordinates(&self.description.materials[material.material].value, &data);
                 if let Some(set) = lacks {
                     self.data.report.warn("coordinates", || {
@@ -445,7 +503,7 @@ impl Loader<'_> {
                             data: Arc::new(data),
                         },
                         transform,
-                        flip_normal: false,
+                        flip_normal: body == Some(Closure::InsideOut),
                         material: material.material,
                         caustic_photons: 1.0,
                         emission,
@@ -455,6 +513,74 @@ impl Loader<'_> {
             }
         }
         Ok(())
+    }
+
+    /// By material of a mesh that is solid glass, what the mesh is: closed by its own faces, or by all of the mesh.
+    fn bodies(
+        &mut self,
+        parts: &[(String, Option<usize>, ReadPrimitive)],
+        solid: &Solid<'_>,
+    ) -> Result<BTreeMap<usize, Closure>, Failure> {
+        let mut bodies = BTreeMap::new();
+        let mut transmitting: Vec<usize> = parts.iter().filter_map(|(_, material, _)| *material).collect();
+        transmitting.sort_unstable();
+        transmitting.dedup();
+        for material in transmitting {
+            if !self.materials.is_sheet(material)? {
+                continue;
+            }
+            let name = self.document.materials().nth(material);
+            let choice = solid.of(name.as_ref().and_then(gltf::Material::name));
+            let own: Vec<_> = parts
+                .iter()
+                .filter(|(_, other, _)| *other == Some(material))
+                .map(|part| &part.2.mesh)
+                .collect();
+            let all: Vec<_> = parts.iter().map(|part| &part.2.mesh).collect();
+            let closure = match closure_of(&own) {
+                Closure::Open if own.len() < all.len() => closure_of(&all),
+                closure => closure,
+            };
+            let is_body = choice.over(closure != Closure::Open);
+            self.glass.entry(material).or_default()[usize::from(!is_body)] += 1;
+            if is_body {
+                bodies.insert(material, closure);
+            }
+        }
+        Ok(bodies)
+    }
+
+    /// Says what became of materials that transmit light and state no volume, once for each.
+    fn note_glass(&mut self, solid: &Solid<'_>) {
+        for (&material, &[bodies, sheets]) in &self.glass {
+            let material = self.document.materials().nth(material);
+            let Some(material) = material else { continue };
+            let name =
+                material.name().map_or_else(|| material.index().unwrap_or_default().to_string(), shown);
+            let ior = material.ior().unwrap_or(1.5);
+            let by = match material.name() {
+                Some(name) => format!("--set \"solid:{name}=no\" or --set solid=no"),
+                None => "--set solid=no".to_owned(),
+            };
+            let count = |n: u64, what: &str| format!("{n} {what}mesh{}", if n == 1 { "" } else { "es" });
+            let mut parts = Vec::new();
+            if bodies > 0 {
+                let verb = if bodies == 1 { "is" } else { "are" };
+                parts.push(format!(
+                    "{} of it {verb} solid, of index {ior} ({by} makes sheets)",
+                    count(bodies, "closed ")
+                ));
+            }
+            if sheets > 0 {
+                let kind = if sheets == 1 { "is a sheet that does" } else { "are sheets that do" };
+                let open = if solid.of(material.name()) == Choice::No { "" } else { "open " };
+                parts.push(format!("{} of it {kind} not bend light", count(sheets, open)));
+            }
+            let message =
+                format!("material `{name}` transmits light and states no volume: {}", parts.join(", and "));
+            let location = self.description.location.clone();
+            self.description.notes.push(SceneWarning { location, message });
+        }
     }
 
     /// The camera that is wanted, or the first that can be had.

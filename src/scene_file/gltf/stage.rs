@@ -1,143 +1,246 @@
-//! What a file lacks to be a picture: a camera, ground, light and exposure, each only where it has none.
+//! What a file lacks to be a picture: a camera, ground, light and exposure, each only where it has none. Each guess rests on
+//! what the file shows, is said in a line, and has a switch.
 
 use super::materials::LUMENS_PER_WATT;
-use crate::math::{Bounds3, Rgb};
+use crate::math::Bounds3;
 use crate::scene_file::description::{
-    CameraDescription, EmissionDescription, FovAxis, GeometryDescription, LightDescription, Location,
-    MaterialDescription, Named, SceneDescription, ShapeDescription,
+    CameraDescription, FovAxis, GeometryDescription, LightDescription, Location, MaterialDescription, Named,
+    SceneDescription, SceneWarning, ShapeDescription,
+};
+use crate::scene_file::enclosure::{Surroundings, Triangles};
+use crate::scene_file::room::{
+    Choice, LAMP, Model, Room, add_lamp, add_material, add_shape, corners_of, may_see,
 };
 use glam::{DAffine3, DVec3};
+use std::f64::consts::{FRAC_PI_4, PI};
 
 /// From the middle of the model to the camera.
 const VIEW: DVec3 = DVec3::new(0.35, 0.25, 1.0);
+/// The same for a model that is open above and walled on all sides.
+const VIEW_INTO: DVec3 = DVec3::new(0.35, 1.1, 1.0);
 /// Vertical field of view, degrees.
 const FOV: f64 = 30.0;
 /// Room around the model in the picture.
 const MARGIN: f64 = 1.12;
-/// Radiance of the studio around, and what a white surface that faces the lamp gets of that, nits.
+/// Radiance of the studio around, nits.
 const AROUND: f64 = 0.4;
-const LAMP: f64 = 0.6;
+/// From the middle of the model to the studio's lamp.
+const LAMP_FROM: DVec3 = DVec3::new(-0.7, 1.0, 0.8);
 /// Reflectance of the ground.
 const GROUND: f32 = 0.35;
-/// Share of the model's footprint that flat floor must cover to stand for the ground.
-const FLOOR_SHARE: f64 = 0.5;
-/// How high above the lowest point a floor may lie, over the model's size.
-const FLOOR_HEIGHT: f64 = 0.03;
 
 /// What to add.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Wishes {
     pub ground: Choice,
     pub light: Choice,
+    pub room: Choice,
 }
 
-/// Whether something is added.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Choice {
-    /// Where the file has none.
-    Auto,
-    /// In any case.
-    Yes,
-    /// Not at all.
-    No,
+/// All triangles of the scene.
+fn triangles_of(description: &SceneDescription) -> Triangles<'_> {
+    Triangles::new(description.shapes.iter().flat_map(|shape| {
+        let mesh = match &shape.value.geometry {
+            GeometryDescription::Gltf { mesh, .. } => Some(&**mesh),
+            _ => None,
+        };
+        let placed = |mesh| placements(description, &shape.value).map(move |transform| (mesh, transform));
+        mesh.into_iter().flat_map(placed)
+    }))
 }
 
-impl Choice {
-    fn over(self, is_missing: bool) -> bool {
-        match self {
-            Self::Auto => is_missing,
-            Self::Yes => true,
-            Self::No => false,
-        }
-    }
+/// Where a shape stands: from its own space to the world.
+fn placements<'a>(
+    description: &'a SceneDescription,
+    shape: &'a ShapeDescription,
+) -> impl Iterator<Item = DAffine3> + 'a {
+    let alone = shape.group.is_none().then_some(DAffine3::IDENTITY);
+    let instances = description.instances.iter().filter(|instance| shape.group == Some(instance.value.group));
+    let above = alone.into_iter().chain(instances.map(|instance| instance.value.transform));
+    above.map(|above| above * shape.transform)
 }
 
-/// Bounds of all triangles, and the area of those that face up near the lowest point.
-struct Model {
-    bounds: Bounds3,
-    floor: f64,
-    /// How often surfaces go around the middle, seen from their fronts: about 1 in a body, -1 in a room.
-    winding: f64,
-}
-
-impl Model {
-    /// Whether one would look at it from within.
-    fn is_room(&self) -> bool {
-        self.winding < -0.5
-    }
-}
-
-/// The solid angle of a triangle as seen from the origin, over the sphere; positive where its back is seen (Van Oosterom &
-/// Strackee 1983).
-fn signed_solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
-    let (la, lb, lc) = (a.length(), b.length(), c.length());
-    let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    let angle = 2.0 * a.dot(b.cross(c)).atan2(denominator);
-    if angle.is_finite() { angle / (4.0 * std::f64::consts::PI) } else { 0.0 }
-}
-
-/// Each triangle of the scene, in the world.
-fn for_each_triangle(description: &SceneDescription, mut take: impl FnMut([DVec3; 3])) {
+/// Flux of all surfaces that emit, W, largest channel.
+fn emitted_flux(description: &SceneDescription) -> f64 {
+    let mut flux = 0.0;
     for shape in &description.shapes {
-        let GeometryDescription::Gltf { mesh, .. } = &shape.value.geometry else { continue };
-        let alone = shape.value.group.is_none().then_some(DAffine3::IDENTITY);
-        let instances =
-            description.instances.iter().filter(|instance| shape.value.group == Some(instance.value.group));
-        for above in alone.into_iter().chain(instances.map(|instance| instance.value.transform)) {
-            let transform = above * shape.value.transform;
-            for &triangle in &mesh.triangles {
-                take(mesh.positions.corners(triangle).map(|corner| transform.transform_point3(corner)));
-            }
+        let (Some(emission), GeometryDescription::Gltf { mesh, .. }) =
+            (shape.value.emission, &shape.value.geometry)
+        else {
+            continue;
+        };
+        let picture = match &description.materials[shape.value.material].value {
+            MaterialDescription::Layered { material, .. } if material.unlit => material.base.as_ref(),
+            MaterialDescription::Layered { material, .. } => material.emission.as_ref(),
+            _ => None,
+        };
+        let mean = picture.map_or(DVec3::ONE, |slot| slot.texture.mean().truncate().as_dvec3());
+        let sides = if emission.two_sided { 2.0 } else { 1.0 };
+        let radiosity = sides * PI * (emission.radiance * mean).max_element();
+        for transform in placements(description, &shape.value) {
+            let area: f64 = mesh.triangles.iter().fold(0.0, |area, &triangle| {
+                let [a, b, c] =
+                    mesh.positions.corners(triangle).map(|corner| transform.transform_point3(corner));
+                area + 0.5 * (b - a).cross(c - a).length()
+            });
+            flux += radiosity * area;
         }
     }
+    flux
 }
 
-fn model_of(description: &SceneDescription) -> Model {
-    let mut bounds = Bounds3::EMPTY;
-    for_each_triangle(description, |corners| bounds = bounds.union(Bounds3::of_points(corners)));
-    let (mut floor, mut winding) = (0.0, 0.0);
-    let middle = bounds.center();
-    let highest = bounds.min.y + FLOOR_HEIGHT * 2.0 * bounds.radius();
-    for_each_triangle(description, |[a, b, c]| {
-        winding += signed_solid_angle([a - middle, b - middle, c - middle]);
-        let twice = (b - a).cross(c - a);
-        if a.y.max(b.y).max(c.y) <= highest && twice.y > 0.9 * twice.length() {
-            floor += 0.5 * twice.y;
+/// Where the light of a picture comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Source {
+    /// Lights of the file.
+    Lights,
+    /// Its surfaces that emit.
+    Emitters,
+    /// Materials that show themselves.
+    Unlit,
+    /// Nothing in it.
+    None,
+}
+
+fn source_of(description: &SceneDescription, model: &Model, is_room: bool) -> Source {
+    let shines = |light: &Named<LightDescription>| match light.value {
+        LightDescription::Point { intensity, .. } | LightDescription::Spot { intensity, .. } => {
+            intensity.max_element() > 0.0
         }
-    });
-    Model { bounds, floor, winding }
+        LightDescription::Directional { irradiance, .. } => irradiance.max_element() > 0.0,
+        _ => true,
+    };
+    if description.lights.iter().any(shines) {
+        return Source::Lights;
+    }
+    let is_unlit = |material: &Named<MaterialDescription>| matches!(&material.value, MaterialDescription::Layered { material, .. } if material.unlit);
+    if description.materials.iter().all(is_unlit) {
+        return Source::Unlit;
+    }
+    // In the open emitters are the light where they give more than the studio would; in a room they are all there is.
+    let flux = emitted_flux(description);
+    let studio = PI * (AROUND + LAMP) / LUMENS_PER_WATT * 4.0 * PI * model.bounds.radius().powi(2);
+    if flux > if is_room { 0.0 } else { studio } { Source::Emitters } else { Source::None }
+}
+
+/// Whether the camera stands upright in a world whose z points up.
+fn has_z_up(camera: &CameraDescription) -> bool {
+    let forward = (camera.at - camera.eye).normalize_or_zero();
+    let right = forward.cross(camera.up).normalize_or_zero();
+    let up = right.cross(forward);
+    up.z > up.y.abs() && right.z.abs() < right.y.abs()
 }
 
 /// Adds what is missing. A file that shows nothing is left alone.
 pub(super) fn complete(description: &mut SceneDescription, wishes: Wishes) {
-    let model = model_of(description);
-    let Model { bounds, floor, .. } = model;
-    if bounds.is_empty() || !bounds.radius().is_finite() || bounds.radius() <= 0.0 {
+    let model = Model::of(&triangles_of(description));
+    if !model.has_extent() {
         return;
     }
-    let shows_itself = description.materials.iter().all(
-        |material| matches!(&material.value, MaterialDescription::Layered { material, .. } if material.unlit),
-    );
-    let is_lit = !description.lights.is_empty() || shows_itself;
-    let size = bounds.max - bounds.min;
-    let has_floor = floor > 0.0 && floor >= FLOOR_SHARE * size.x * size.z;
     let location = description.location.clone();
+    let aspect = f64::from(description.film.width) / f64::from(description.film.height);
+    let room = room_of(description, wishes.room, &model, aspect);
+    let mut notes = Vec::new();
+    if let Some(room) = &room {
+        notes.push(match &description.camera {
+            Some(_) => "the camera is enclosed by the model, so it is taken for a room; --set room=no where it is none",
+            None => {
+                "surfaces face inwards all around and there is a floor, so it is taken for a room and shown from within; \
+                 --set room=no shows it from outside"
+            }
+        });
+        description.camera = Some(room.camera.clone());
+    }
+    let has_own_camera = description.camera.is_some() && room.is_none();
     if description.camera.is_none() {
-        let aspect = f64::from(description.film.width) / f64::from(description.film.height);
-        let camera =
-            if model.is_room() { within(&bounds, &location) } else { framing(&bounds, aspect, &location) };
-        description.camera = Some(camera);
+        let (view, how) = view_of(description, &model);
+        notes.push(how);
+        description.camera = Some(framing(&model.bounds, aspect, view, &location));
     }
+    let source = source_of(description, &model, room.is_some());
     description.film.white = LUMENS_PER_WATT.log2();
-    if wishes.light.over(!is_lit) {
-        let add = if model.is_room() { add_ceiling_lamp } else { add_studio };
-        add(description, &bounds, &location);
-    } else if !description.lights.is_empty() {
-        description.film.white += exposure(description, &bounds);
+    if wishes.light.over(source == Source::None) {
+        notes.push(match &room {
+            Some(room) => {
+                room.add_light(description, &model.bounds, 1.0 / LUMENS_PER_WATT, &location);
+                "there is no light in the file, so one is added in the room; --set light=no leaves it out"
+            }
+            None => {
+                add_studio(description, &model.bounds, aspect, has_own_camera);
+                "there is no light in the file, so that of a studio is added; --set light=no leaves it out"
+            }
+        });
+    } else if source == Source::Lights {
+        description.film.white += exposure(description, &model.bounds);
+        if room.is_some() {
+            // What reaches the camera is up to walls and windows.
+            description.film.exposure = None;
+        }
+    } else if source == Source::Emitters {
+        notes.push("its surfaces that emit are all its light; --set light=yes adds that of a studio");
+        description.film.exposure = None;
     }
-    if wishes.ground.over(!has_floor && !shows_itself && !model.is_room()) {
-        add_ground(description, &bounds, &location);
+    let is_lacking = !model.has_floor() && source != Source::Unlit;
+    notes.extend(ground(description, wishes.ground, is_lacking, &model.bounds));
+    description.notes.extend(
+        notes.into_iter().map(|note| SceneWarning { location: location.clone(), message: note.to_owned() }),
+    );
+}
+
+/// The room that the picture is of, if it is.
+fn room_of(description: &SceneDescription, wish: Choice, model: &Model, aspect: f64) -> Option<Room> {
+    let is_wished = match wish {
+        Choice::No => return None,
+        Choice::Yes => true,
+        Choice::Auto => false,
+    };
+    let triangles = &triangles_of(description);
+    match &description.camera {
+        Some(camera) => Room::around(camera, aspect, model, is_wished, triangles),
+        None => Room::of(model, &description.location, is_wished, triangles),
     }
+}
+
+/// Where a model is seen from that says nothing about it, and that in words.
+fn view_of(description: &SceneDescription, model: &Model) -> (DVec3, &'static str) {
+    let middle = Surroundings::of(model.bounds.center(), &triangles_of(description));
+    if middle.is_open_above() {
+        let how = "there is no camera in the file; the model is walled on all sides and open above, so it is shown from above";
+        (VIEW_INTO, how)
+    } else {
+        (VIEW, "there is no camera in the file, so all of the model is shown from in front")
+    }
+}
+
+/// Adds the ground where it is wanted, unless it would stand between the camera and the model; what was done, in words.
+fn ground(
+    description: &mut SceneDescription,
+    wish: Choice,
+    is_lacking: bool,
+    bounds: &Bounds3,
+) -> Option<&'static str> {
+    if !wish.over(is_lacking) {
+        return None;
+    }
+    let height = bounds.min.y - 1e-4 * bounds.radius();
+    if wish == Choice::Auto
+        && let Some(camera) = &description.camera
+    {
+        if has_z_up(camera) {
+            return Some(
+                "the camera stands upright with z up, so no ground is added; glTF has y up: export with that",
+            );
+        }
+        if camera.eye.y <= height {
+            return Some("the camera is below the model, so no ground is added; --set ground=yes adds it");
+        }
+    }
+    let location = description.location.clone();
+    let center = bounds.center().with_y(height);
+    let material = add_material(description, "ground", GROUND, &location);
+    let disc = GeometryDescription::Disc { center, normal: DVec3::Y, radius: 12.0 * bounds.radius() };
+    add_shape(description, "ground", disc, (material, None), &location);
+    Some("there is no floor under the model, so a ground is added; --set ground=no leaves it out")
 }
 
 /// Stops by which a white surface in the middle of the model comes to be nearly white.
@@ -170,9 +273,9 @@ fn exposure(description: &SceneDescription, bounds: &Bounds3) -> f64 {
     if stops.is_finite() { stops.clamp(-MOST, MOST) } else { 0.0 }
 }
 
-/// A camera that sees all of a box from in front, a little from above and from the right.
-fn framing(bounds: &Bounds3, aspect: f64, location: &Location) -> CameraDescription {
-    let towards = VIEW.normalize_or_zero();
+/// A camera that sees all of a box from the side that `view` points to.
+fn framing(bounds: &Bounds3, aspect: f64, view: DVec3, location: &Location) -> CameraDescription {
+    let towards = view.normalize_or_zero();
     let right = DVec3::Y.cross(towards).normalize_or_zero();
     let up = towards.cross(right);
     let half = (0.5 * FOV).to_radians().tan();
@@ -199,98 +302,35 @@ fn framing(bounds: &Bounds3, aspect: f64, location: &Location) -> CameraDescript
     }
 }
 
-/// A camera in a room: from near one corner towards the other.
-fn within(bounds: &Bounds3, location: &Location) -> CameraDescription {
-    let size = bounds.max - bounds.min;
-    let point = |x: f64, y: f64, z: f64| bounds.min + size * DVec3::new(x, y, z);
-    CameraDescription {
-        lens: None,
-        location: location.clone(),
-        eye: point(0.8, 0.4, 0.85),
-        at: point(0.35, 0.33, 0.2),
-        up: DVec3::Y,
-        fov: 65.0,
-        fov_axis: FovAxis::Vertical,
-    }
-}
-
-/// A lamp under the ceiling of a room, which light from outside would not reach.
-fn add_ceiling_lamp(description: &mut SceneDescription, bounds: &Bounds3, location: &Location) {
-    let size = bounds.max - bounds.min;
-    let corner = bounds.min + size * DVec3::new(0.35, 0.97, 0.35);
-    let (edge_u, edge_v) = (DVec3::X * (0.3 * size.x), DVec3::Z * (0.3 * size.z));
-    let area = edge_u.length() * edge_v.length();
-    let radiance = LAMP * std::f64::consts::PI * size.y * size.y / area / LUMENS_PER_WATT;
-    let emission = EmissionDescription { radiance: DVec3::splat(radiance), two_sided: false, photons: 1.0 };
-    let black = add_material(description, "lamp", 0.0, location);
-    // x times z points down.
-    let quad = GeometryDescription::Quad { corner, edge_u, edge_v };
-    add_shape(description, "ceiling lamp", quad, (black, Some(emission)), location);
-}
-
-fn add_material(
-    description: &mut SceneDescription,
-    name: &str,
-    reflectance: f32,
-    location: &Location,
-) -> usize {
-    description.materials.push(Named {
-        name: name.to_owned(),
-        location: location.clone(),
-        value: MaterialDescription::Lambert { reflectance: Rgb::splat(reflectance), two_sided: true },
-    });
-    description.materials.len() - 1
-}
-
-fn add_shape(
-    description: &mut SceneDescription,
-    name: &str,
-    geometry: GeometryDescription,
-    (material, emission): (usize, Option<EmissionDescription>),
-    location: &Location,
-) {
-    description.shapes.push(Named {
-        name: name.to_owned(),
-        location: location.clone(),
-        value: ShapeDescription {
-            illumination: None,
-            geometry,
-            transform: DAffine3::IDENTITY,
-            flip_normal: false,
-            material,
-            caustic_photons: 1.0,
-            emission,
-            group: None,
-        },
-    });
-}
-
-/// Light from all around, and a large soft lamp above on the left.
-fn add_studio(description: &mut SceneDescription, bounds: &Bounds3, location: &Location) {
+/// Light from all around, and a large soft lamp above on the left; further around where it would be in the picture of the file's
+/// camera, and parallel light, which no camera sees, where it is in the way everywhere.
+fn add_studio(description: &mut SceneDescription, bounds: &Bounds3, aspect: f64, has_own_camera: bool) {
+    let location = description.location.clone();
+    let mut add_light = |name: &str, value| {
+        description.lights.push(Named { name: name.to_owned(), location: location.clone(), value });
+        description.light_photons.push(1.0);
+    };
+    let around = DVec3::splat(AROUND / LUMENS_PER_WATT);
+    add_light("studio", LightDescription::Environment { radiance: around });
     let radius = bounds.radius();
-    description.lights.push(Named {
-        name: "studio".to_owned(),
-        location: location.clone(),
-        value: LightDescription::Environment { radiance: DVec3::splat(AROUND / LUMENS_PER_WATT) },
-    });
-    description.light_photons.push(1.0);
     let (distance, side) = (4.0 * radius, 2.4 * radius);
-    let towards = DVec3::new(-0.7, 1.0, 0.8).normalize_or_zero();
-    let edge_u = DVec3::Y.cross(towards).normalize_or_zero() * side;
-    // So that the product points at the model.
-    let edge_v = -towards.cross(edge_u).normalize_or_zero() * side;
-    let corner = bounds.center() + towards * distance - 0.5 * (edge_u + edge_v);
-    let radiance = LAMP * std::f64::consts::PI * (distance / side).powi(2) / LUMENS_PER_WATT;
-    let black = add_material(description, "lamp", 0.0, location);
-    let emission = EmissionDescription { radiance: DVec3::splat(radiance), two_sided: false, photons: 1.0 };
-    let quad = GeometryDescription::Quad { corner, edge_u, edge_v };
-    add_shape(description, "studio lamp", quad, (black, Some(emission)), location);
-}
-
-fn add_ground(description: &mut SceneDescription, bounds: &Bounds3, location: &Location) {
-    let radius = bounds.radius();
-    let center = bounds.center().with_y(bounds.min.y - 1e-4 * radius);
-    let material = add_material(description, "ground", GROUND, location);
-    let disc = GeometryDescription::Disc { center, normal: DVec3::Y, radius: 12.0 * radius };
-    add_shape(description, "ground", disc, (material, None), location);
+    let lamp_at = |turn: f64| {
+        let towards = DAffine3::from_rotation_y(turn).transform_vector3(LAMP_FROM).normalize_or_zero();
+        let edge_u = DVec3::Y.cross(towards).normalize_or_zero() * side;
+        // So that the product points at the model.
+        let edge_v = -towards.cross(edge_u).normalize_or_zero() * side;
+        (bounds.center() + towards * distance - 0.5 * (edge_u + edge_v), edge_u, edge_v)
+    };
+    let own_camera = description.camera.as_ref().filter(|_| has_own_camera);
+    let turns = (0..8).map(|turn| f64::from(turn) * FRAC_PI_4);
+    let hides =
+        |turn: &f64| own_camera.is_some_and(|camera| may_see(camera, aspect, &corners_of(lamp_at(*turn))));
+    let Some(turn) = turns.into_iter().find(|turn| !hides(turn)) else {
+        let irradiance = DVec3::splat(LAMP * PI / LUMENS_PER_WATT);
+        let value = LightDescription::Directional { direction: -LAMP_FROM, irradiance };
+        add_light("studio lamp", value);
+        return;
+    };
+    let radiance = LAMP * PI * (distance / side).powi(2) / LUMENS_PER_WATT;
+    add_lamp(description, "studio lamp", lamp_at(turn), radiance, &location);
 }

@@ -201,6 +201,7 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
         lights,
         light_photons,
         warnings: Vec::new(),
+        notes: Vec::new(),
         further_files: Vec::new(),
     })
 }

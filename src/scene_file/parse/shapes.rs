@@ -11,7 +11,7 @@ use crate::scene_file::description::*;
 use crate::scene_file::mesh::is_degenerate;
 use crate::scene_file::polygon::triangulate_polygon;
 use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, SHARE, Table, Value};
-use crate::scene_file::{is_gltf_file, is_mesh_file};
+use crate::scene_file::{Choice, is_gltf_file, is_mesh_file};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
 
@@ -316,8 +316,19 @@ fn read_fit(value: Value<'_>) -> Option<FitDescription> {
     let anchor = table.or("anchor", FitAnchor::Center, |value| value.choice(&anchors));
     let at = table.or("at", DVec3::ZERO, |value| value.vector(&NUMBER));
     let up = table.or("up", UpAxis::Y, |value| value.choice(&axes));
+    let moves = table.or("moves", false, |value| value.choice(&[("shape", false), ("scene", true)]));
+    let choices = [("auto", Choice::Auto), ("yes", Choice::Yes), ("no", Choice::No)];
+    let room = table.optional("room", |value| value.choice(&choices));
+    let moves = match (moves?, room?) {
+        (true, room) => FitMoves::Scene { room: room.unwrap_or(Choice::No) },
+        (false, None) => FitMoves::Shape,
+        (false, Some(_)) => {
+            let message = "`room` is for a scene that is placed around a mesh";
+            return table.refuse(message, "write `moves = \"scene\"` too, or leave `room` out");
+        }
+    };
     table.finish();
-    Some(FitDescription { size: size?, anchor: anchor?, at: at?, up: up? })
+    Some(FitDescription { size: size?, anchor: anchor?, at: at?, up: up?, moves })
 }
 
 fn read_vertices(value: Value<'_>) -> Option<Vec<DVec3>> {

@@ -193,7 +193,7 @@ fn a_file_that_says_everything() {
     let camera = scene.camera.unwrap();
     assert_eq!((camera.eye, camera.up), (DVec3::new(0.0, 0.001, 0.005), DVec3::NEG_Z));
     assert_eq!((camera.fov, camera.fov_axis), (40.5, FovAxis::Horizontal));
-    assert_eq!((scene.film.width, scene.film.height, scene.film.exposure), (256, 128, -1.5));
+    assert_eq!((scene.film.width, scene.film.height, scene.film.exposure), (256, 128, Some(-1.5)));
     assert_eq!(scene.film.filter, FilterDescription::Gaussian { radius: 1.5, sigma: 0.6 });
     assert_eq!((scene.render.quality, scene.render.seed), (Some(Quality::Draft), Some(u64::MAX)));
     assert_eq!((scene.render.global_photons, scene.render.spp), (Some(1_000_000), None));

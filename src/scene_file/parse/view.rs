@@ -111,7 +111,7 @@ pub(super) fn default_film() -> FilmDescription {
         width: 512,
         height: 512,
         filter: FilterDescription::Box { radius: 0.5 },
-        exposure: 0.0,
+        exposure: None,
         white: 0.0,
     }
 }
@@ -122,7 +122,7 @@ pub(super) fn read_film(mut table: Table<'_>) -> Option<FilmDescription> {
     let width = table.or("width", u64::from(default.width), side);
     let height = table.or("height", u64::from(default.height), side);
     let filter = table.or("filter", default.filter, read_filter);
-    let exposure = table.or("exposure", default.exposure, |value| value.number(&STOPS));
+    let exposure = table.optional("exposure", |value| value.number(&STOPS));
     let (context, span) = (table.context(), table.span().clone());
     table.finish();
     let (width, height) = (width?, height?);

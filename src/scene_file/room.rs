@@ -1,0 +1,306 @@
+//! Models that are rooms: whether one is, where a camera stands in it, and the light that is put there.
+
+use super::description::{
+    CameraDescription, EmissionDescription, FovAxis, GeometryDescription, LightDescription, Location,
+    MaterialDescription, Named, SceneDescription, ShapeDescription,
+};
+use super::enclosure::{Surroundings, Triangles};
+use crate::math::{Bounds3, Rgb};
+use glam::{DAffine3, DVec3};
+use std::f64::consts::PI;
+
+/// What a white surface that faces an added light gets of it, as a share of white.
+pub(super) const LAMP: f64 = 0.6;
+/// Share of the model's footprint that flat floor must cover to stand for the ground.
+const FLOOR_SHARE: f64 = 0.5;
+/// How high above the lowest point a floor may lie, over the model's size.
+const FLOOR_HEIGHT: f64 = 0.03;
+/// Where a camera stands in the bounds of a room, and where it looks: from near one corner towards the other.
+const EYE: DVec3 = DVec3::new(0.8, 0.4, 0.85);
+const AT: DVec3 = DVec3::new(0.35, 0.33, 0.2);
+/// Where a lamp hangs in the bounds of a room: its corner, and its extent along x and z.
+const CEILING: DVec3 = DVec3::new(0.35, 0.97, 0.35);
+const CEILING_SHARE: f64 = 0.3;
+/// Where a light above the eye hangs, of the way to what is above.
+const ABOVE: f64 = 0.8;
+/// The widest picture that an added light must not stand in, whatever the size that is asked for.
+const WIDEST: f64 = 2.4;
+
+/// Whether something is guessed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub enum Choice {
+    /// By what the file shows.
+    #[default]
+    Auto,
+    /// In any case.
+    Yes,
+    /// Not at all.
+    No,
+}
+
+impl Choice {
+    /// Whether it is so, where the file itself says `found`.
+    pub(super) fn over(self, found: bool) -> bool {
+        match self {
+            Self::Auto => found,
+            Self::Yes => true,
+            Self::No => false,
+        }
+    }
+}
+
+/// What is known of all triangles of a model, y up.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Model {
+    pub bounds: Bounds3,
+    /// Area of those that face up near the lowest point.
+    floor: f64,
+}
+
+impl Model {
+    pub(super) fn of(triangles: &Triangles<'_>) -> Self {
+        let bounds = triangles.bounds();
+        let highest = bounds.min.y + FLOOR_HEIGHT * 2.0 * bounds.radius();
+        let floor = triangles.sum(
+            || 0.0,
+            |floor, [a, b, c]| {
+                let twice = (b - a).cross(c - a);
+                if a.y.max(b.y).max(c.y) <= highest && twice.y > 0.9 * twice.length() {
+                    *floor += 0.5 * twice.y;
+                }
+            },
+            |floor, other| *floor += other,
+        );
+        Self { bounds, floor }
+    }
+
+    /// Whether it has an extent that something can be placed by.
+    pub(super) fn has_extent(&self) -> bool {
+        !self.bounds.is_empty() && self.bounds.radius().is_finite() && self.bounds.radius() > 0.0
+    }
+
+    /// Whether flat floor at the lowest point covers half of its footprint.
+    pub(super) fn has_floor(&self) -> bool {
+        let size = self.bounds.max - self.bounds.min;
+        self.floor > 0.0 && self.floor >= FLOOR_SHARE * size.x * size.z
+    }
+}
+
+/// A light that is put into a room.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum RoomLight {
+    /// A lamp under the ceiling.
+    Ceiling,
+    /// A point, which no camera sees: where it is, and how far from it surfaces are.
+    Point { position: DVec3, distance: f64 },
+}
+
+/// A room that a camera is in.
+#[derive(Clone, Debug)]
+pub(super) struct Room {
+    /// Where it is seen from, unless the file says so.
+    pub camera: CameraDescription,
+    light: RoomLight,
+}
+
+impl Room {
+    /// The room that the camera of a file stands in: surfaces enclose its eye. Or `None`, unless `is_wished`.
+    pub(super) fn around(
+        camera: &CameraDescription,
+        aspect: f64,
+        model: &Model,
+        is_wished: bool,
+        triangles: &Triangles<'_>,
+    ) -> Option<Self> {
+        let seen = Surroundings::of(camera.eye, triangles);
+        (is_wished || seen.is_enclosed()).then(|| {
+            let lamp = ceiling(&model.bounds);
+            let hides = may_see(camera, aspect, &corners_of(lamp));
+            let light = light_for(camera.eye, &seen, model, !hides, triangles);
+            Self { camera: camera.clone(), light }
+        })
+    }
+
+    /// The room that a model is as a whole: it has a floor, and surfaces without thickness face inwards on all sides of a place
+    /// from which one sees much of it. Or `None`, unless `is_wished`.
+    pub(super) fn of(
+        model: &Model,
+        location: &Location,
+        is_wished: bool,
+        triangles: &Triangles<'_>,
+    ) -> Option<Self> {
+        if !model.has_floor() && !is_wished {
+            return None;
+        }
+        let mirrored = |at: DVec3, x: bool, z: bool| {
+            DVec3::new(if x { 1.0 - at.x } else { at.x }, at.y, if z { 1.0 - at.z } else { at.z })
+        };
+        let corners = [(false, false), (true, false), (false, true), (true, true)];
+        let places = corners.map(|(x, z)| (mirrored(EYE, x, z), mirrored(AT, x, z)));
+        let middle = (DVec3::new(0.5, EYE.y, 0.5), AT);
+        let in_middle = within(&model.bounds, middle.0, AT, location).eye;
+        if !is_wished && !Surroundings::of(in_middle, triangles).is_walled() {
+            return None;
+        }
+        let mut first = None;
+        for (eye, at) in places.into_iter().chain([middle]) {
+            let camera = within(&model.bounds, eye, at, location);
+            let seen = Surroundings::of(camera.eye, triangles);
+            if seen.is_enclosed() && seen.is_inside_out(triangles) {
+                let light = light_for(camera.eye, &seen, model, true, triangles);
+                return Some(Self { camera, light });
+            }
+            first.get_or_insert((camera, seen));
+        }
+        let (camera, seen) = first.filter(|_| is_wished)?;
+        let light = light_for(camera.eye, &seen, model, true, triangles);
+        Some(Self { camera, light })
+    }
+
+    /// Adds the light, in units of `white`, a radiance. What walls make of it is up to them, so exposure is left to the picture.
+    pub(super) fn add_light(
+        &self,
+        description: &mut SceneDescription,
+        bounds: &Bounds3,
+        white: f64,
+        location: &Location,
+    ) {
+        description.film.exposure = None;
+        match self.light {
+            RoomLight::Ceiling => {
+                let (corner, edge_u, edge_v) = ceiling(bounds);
+                let area = edge_u.length() * edge_v.length();
+                let height = bounds.max.y - bounds.min.y;
+                let radiance = LAMP * PI * height * height / area * white;
+                add_lamp(description, "ceiling lamp", (corner, edge_u, edge_v), radiance, location);
+            }
+            RoomLight::Point { position, distance } => {
+                let intensity = DVec3::splat(LAMP * PI * distance * distance * white);
+                let value = LightDescription::Point { position, intensity };
+                description.lights.push(Named {
+                    name: "room light".to_owned(),
+                    location: location.clone(),
+                    value,
+                });
+                description.light_photons.push(1.0);
+            }
+        }
+    }
+}
+
+/// A lamp under the ceiling where it is in the room and may be seen, or else a light above the eye.
+fn light_for(
+    eye: DVec3,
+    seen: &Surroundings,
+    model: &Model,
+    may_show: bool,
+    triangles: &Triangles<'_>,
+) -> RoomLight {
+    let (corner, edge_u, edge_v) = ceiling(&model.bounds);
+    let middle = corner + 0.5 * (edge_u + edge_v);
+    let corners = corners_of(ceiling(&model.bounds));
+    let is_seen = || corners.iter().chain([&middle]).all(|place| triangles.leave_free(eye, *place));
+    if may_show && is_seen() && Surroundings::of(middle, triangles).is_enclosed() {
+        return RoomLight::Ceiling;
+    }
+    let distance = seen.distance().unwrap_or_else(|| model.bounds.radius());
+    let height = ABOVE * seen.above().unwrap_or(distance);
+    RoomLight::Point { position: eye + DVec3::Y * height, distance }
+}
+
+/// Corner and edges of a lamp under the ceiling; x times z points down.
+fn ceiling(bounds: &Bounds3) -> (DVec3, DVec3, DVec3) {
+    let size = bounds.max - bounds.min;
+    let corner = bounds.min + size * CEILING;
+    (corner, DVec3::X * (CEILING_SHARE * size.x), DVec3::Z * (CEILING_SHARE * size.z))
+}
+
+pub(super) fn corners_of((corner, edge_u, edge_v): (DVec3, DVec3, DVec3)) -> [DVec3; 4] {
+    [corner, corner + edge_u, corner + edge_v, corner + edge_u + edge_v]
+}
+
+/// Whether a flat thing with these corners may be in the picture of a camera, also where that is made as wide as `WIDEST`.
+pub(super) fn may_see(camera: &CameraDescription, aspect: f64, corners: &[DVec3]) -> bool {
+    let forward = (camera.at - camera.eye).normalize_or_zero();
+    let right = forward.cross(camera.up).normalize_or_zero();
+    let up = right.cross(forward);
+    let half = match camera.fov_axis {
+        FovAxis::Vertical => (0.5 * camera.fov).to_radians().tan(),
+        FovAxis::Horizontal => (0.5 * camera.fov).to_radians().tan() / aspect,
+    };
+    let across = half * aspect.max(WIDEST);
+    let planes = [
+        forward,
+        forward * across + right,
+        forward * across - right,
+        forward * half + up,
+        forward * half - up,
+    ];
+    let is_behind = |plane: &DVec3| corners.iter().all(|corner| (*corner - camera.eye).dot(*plane) < 0.0);
+    !planes.iter().any(is_behind)
+}
+
+/// A camera at a place in the bounds of a room.
+fn within(bounds: &Bounds3, eye: DVec3, at: DVec3, location: &Location) -> CameraDescription {
+    let size = bounds.max - bounds.min;
+    CameraDescription {
+        lens: None,
+        location: location.clone(),
+        eye: bounds.min + size * eye,
+        at: bounds.min + size * at,
+        up: DVec3::Y,
+        fov: 65.0,
+        fov_axis: FovAxis::Vertical,
+    }
+}
+
+/// Adds a one-sided lamp in the shape of a quad.
+pub(super) fn add_lamp(
+    description: &mut SceneDescription,
+    name: &str,
+    (corner, edge_u, edge_v): (DVec3, DVec3, DVec3),
+    radiance: f64,
+    location: &Location,
+) {
+    let emission = EmissionDescription { radiance: DVec3::splat(radiance), two_sided: false, photons: 1.0 };
+    let black = add_material(description, "lamp", 0.0, location);
+    let quad = GeometryDescription::Quad { corner, edge_u, edge_v };
+    add_shape(description, name, quad, (black, Some(emission)), location);
+}
+
+pub(super) fn add_material(
+    description: &mut SceneDescription,
+    name: &str,
+    reflectance: f32,
+    location: &Location,
+) -> usize {
+    description.materials.push(Named {
+        name: name.to_owned(),
+        location: location.clone(),
+        value: MaterialDescription::Lambert { reflectance: Rgb::splat(reflectance), two_sided: true },
+    });
+    description.materials.len() - 1
+}
+
+pub(super) fn add_shape(
+    description: &mut SceneDescription,
+    name: &str,
+    geometry: GeometryDescription,
+    (material, emission): (usize, Option<EmissionDescription>),
+    location: &Location,
+) {
+    description.shapes.push(Named {
+        name: name.to_owned(),
+        location: location.clone(),
+        value: ShapeDescription {
+            illumination: None,
+            geometry,
+            transform: DAffine3::IDENTITY,
+            flip_normal: false,
+            material,
+            caustic_photons: 1.0,
+            emission,
+            group: None,
+        },
+    });
+}
