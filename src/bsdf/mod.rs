@@ -23,6 +23,7 @@
 //! `eval` and `pdf_solid_angle` return zero, `sample` returns `None`, where nothing is scattered: black side,
 //! zero reflectance, `wo.z` zero or NaN. Nothing here returns NaN or a direction that is not of unit length.
 
+mod bent;
 mod conductor;
 mod dielectric;
 mod fresnel;
@@ -39,6 +40,8 @@ mod shading_normal;
 mod ward;
 
 #[cfg(test)]
+mod bent_tests;
+#[cfg(test)]
 pub(crate) mod chi_square;
 #[cfg(test)]
 mod glossy_tests;
@@ -47,6 +50,7 @@ mod layered_tests;
 #[cfg(test)]
 mod tests;
 
+pub use bent::{Bend, Bent};
 pub use conductor::{Conductor, Metal, fresnel_conductor, schlick_fresnel};
 pub use dielectric::{Dielectric, MATCHED_IOR_TOLERANCE};
 pub use fresnel::{critical_cosine, fresnel_dielectric, reflect, refract};
@@ -58,7 +62,7 @@ pub use mirror::Mirror;
 pub use part::GLOSS_THRESHOLD;
 pub use rough_dielectric::RoughDielectric;
 pub use schlick::Schlick;
-pub use shading_normal::{shading_normal_correction, sides_agree};
+pub use shading_normal::sides_agree;
 pub use ward::Ward;
 
 use crate::math::Rgb;
@@ -106,7 +110,7 @@ pub struct BsdfSample {
     /// The sampled direction, local frame, unit length, `wi.z != 0`.
     pub wi: Vec3,
     /// `f |cos theta_i| / pdf`, finite. In [`TransportMode::Radiance`] a refraction includes its
-    /// `(n_o / n_i)^2`. No shading-normal correction: see [`shading_normal_correction`].
+    /// `(n_o / n_i)^2`. For equal shading and geometric normals: see [`Bent`] for others.
     pub throughput: Rgb,
     /// Density of `wi` per solid angle within its lobe, 1/sr; `INFINITY` for a delta lobe, so that a weight
     /// `1 / (1 + (pdf_other / pdf)^2)` is one without a special case.

@@ -1,6 +1,5 @@
 use super::chi_square::ChiSquare;
 use super::*;
-use crate::math::{Frame, unit};
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Stream};
 use glam::Vec2;
 
@@ -252,43 +251,4 @@ fn energy_leaves_a_glass_ball() {
     // External diffuse reflectance of n = 1.5: 0.0918 (Walsh's formula).
     let mean = f64::from(back) / f64::from(n);
     assert!((mean - 0.0918).abs() < 4.0 * (0.0918 * 0.9082 / f64::from(n)).sqrt(), "{mean}");
-}
-
-#[test]
-fn shading_normal_factor() {
-    let ng = Vec3::Z;
-    let ns = unit(Vec3::new(0.3, 0.1, 1.0)).unwrap();
-    let (wo, wi) = (direction(0.6, 0.2), direction(0.8, 3.0));
-    assert_eq!(shading_normal_correction(wo, wi, ng, ng), 1.0);
-    assert_eq!(shading_normal_correction(wo, wi, -ns, -ns), 1.0);
-    let factor = shading_normal_correction(wo, wi, ns, ng);
-    let want = (wo.dot(ns) * wi.dot(ng)) / (wo.dot(ng) * wi.dot(ns));
-    assert!((factor - want).abs() < 1e-6 && (factor - 1.0).abs() > 0.1);
-    // Both ways together are one; through the surface as well.
-    assert!((factor * shading_normal_correction(wi, wo, ns, ng) - 1.0).abs() < 1e-6);
-    assert!((shading_normal_correction(wo, -wi, ns, ng) - factor).abs() < 1e-6);
-    // Between the two planes: zero, in whichever place.
-    let between = Frame::from_z(ng).to_world(unit(Vec3::new(-1.0, 0.0, 0.1)).unwrap());
-    assert!(!sides_agree(between, ns, ng) && sides_agree(-wo, ns, ng));
-    assert_eq!(shading_normal_correction(between, wi, ns, ng), 0.0);
-    assert_eq!(shading_normal_correction(wo, between, ns, ng), 0.0);
-    for cos in [0.0, 1e-45, 1e-38, 1e-6] {
-        assert!(shading_normal_correction(direction(cos, 1.0), wi, ns, ng).is_finite());
-        assert!(shading_normal_correction(wi, direction(cos, 1.0), ns, ng).is_finite());
-    }
-}
-
-#[test]
-fn adjoint_factor_conserves_flux() {
-    // A photon on a surface with a bent shading normal must deposit what the camera would see: with the same
-    // f, particle tracing and radiance gathering must give the same transport between two fixed cones. The
-    // measure
-    // |wo.ng| |wi.ng| of both geometric cosines is common, so compare
-    //   camera at `to`:  f |w_light.ns|                  per solid angle of the light,
-    //   photon:          f |wi.ns| * factor / |wi.ng|    times the |w_light.ng| with which flux arrives.
-    let (ng, ns) = (Vec3::Z, unit(Vec3::new(0.2, -0.4, 1.0)).unwrap());
-    let (light, eye) = (direction(0.7, 1.0), direction(0.5, 4.0));
-    let camera = light.dot(ns);
-    let photon = eye.dot(ns) * shading_normal_correction(light, eye, ns, ng) / eye.dot(ng) * light.dot(ng);
-    assert!((camera / photon - 1.0).abs() < 1e-6, "{camera} {photon}");
 }

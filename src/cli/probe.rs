@@ -7,7 +7,7 @@ use super::settings::{SettingsArgs, count_from_one};
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::files;
 use cardioid::image_io;
-use cardioid::render::{ProbeEstimator, ProbePoint, ProbeRequest, Settings, Silent, probe};
+use cardioid::render::{PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Settings, Silent, probe};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use std::io::Write;
@@ -48,9 +48,14 @@ pub(crate) struct ProbeArgs {
     #[arg(long, value_enum, value_delimiter = ',', default_value = "photon-map,gather,path")]
     estimators: Vec<EstimatorChoice>,
 
-    /// Samples of `gather` and of `path` at each point.
+    /// Samples of `gather` and of `path` at each point, over all batches.
     #[arg(long, value_name = "N", default_value = "1024", value_parser = count_from_one)]
     samples: u32,
+
+    /// Batches with photon maps and samples of their own: readings are their mean, standard errors what they differ by. One is the
+    /// fastest, and leaves the errors of estimators that read maps unknown.
+    #[arg(long, value_name = "N", default_value_t = PROBE_BATCHES, value_parser = count_from_one)]
+    batches: u32,
 
     /// File to write; standard output where there is none, or `-`.
     #[arg(short, long, value_name = "FILE.csv")]
@@ -107,6 +112,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
             points,
             estimators: args.estimators.iter().map(|&choice| choice.estimator()).collect(),
             samples: args.samples,
+            batches: args.batches,
             lift: args.lift.unwrap_or(1e-4 * radius),
             settings: Settings::from(&args.settings.over(&loaded.description.render)),
         };

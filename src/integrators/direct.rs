@@ -1,7 +1,7 @@
 //! Direct illumination: the first integral of eq. (2).
 
 use super::{Directions, Scratch};
-use crate::bsdf::{Lobe, TransportMode};
+use crate::bsdf::Lobe;
 use crate::lights::{LightId, Receiver};
 use crate::math::Rgb;
 use crate::media::Surroundings;
@@ -119,16 +119,16 @@ impl<'a> DirectLighting<'a> {
             return nothing;
         };
         let (wo, wi) = (shading.wo_local, shading.frame.to_local(sample.wi));
-        // Both normals must agree on the side, or light would leak through the surface.
         let side = sample.wi.dot(shading.geometric) * hit.wo.dot(shading.geometric);
         let transmission = side < 0.0;
-        if side == 0.0 || transmission != (wi.z * wo.z < 0.0) {
+        // Where the normals differ, the shading knows on which side of the surface the light is.
+        if side == 0.0 || shading.bend.is_none() && transmission != (wi.z * wo.z < 0.0) {
             return nothing;
         }
-        let arriving = wi.z.abs() * sample.radiance_over_pdf / probability;
+        let arriving = shading.cosine(wi) * sample.radiance_over_pdf / probability;
         let mut found = Reflected {
-            diffuse: shading.bsdf.eval(Lobe::Diffuse, wo, wi, TransportMode::Radiance) * arriving,
-            glossy: shading.bsdf.eval(Lobe::Glossy, wo, wi, TransportMode::Radiance) * arriving,
+            diffuse: shading.eval(Lobe::Diffuse, wi) * arriving,
+            glossy: shading.eval(Lobe::Glossy, wi) * arriving,
         };
         if found == nothing {
             return nothing;
@@ -165,7 +165,7 @@ impl<'a> DirectLighting<'a> {
                 found.diffuse *= power_heuristic(sample.pdf_solid_angle * probability, other);
             }
             if found.glossy != Rgb::ZERO {
-                let other = shading.bsdf.pdf_solid_angle(Lobe::Glossy, wo, wi);
+                let other = shading.pdf_solid_angle(Lobe::Glossy, wi);
                 found.glossy *= power_heuristic(sample.pdf_solid_angle * probability, other);
             }
         }

@@ -3,7 +3,7 @@
 use super::Counters;
 #[cfg(doc)]
 use crate::bsdf::Bsdf;
-use crate::bsdf::{BsdfSample, Lobe, TransportMode};
+use crate::bsdf::{BsdfSample, Lobe};
 use crate::photons::{DirectionGuide, GuideLobe};
 use crate::scene::{Shading, SurfaceInteraction};
 use glam::{Vec2, Vec3};
@@ -65,7 +65,7 @@ impl<'a> Directions<'a> {
     pub fn sample(&self, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let Shading { bsdf, wo_local: wo, .. } = self.shading;
         if self.guide.is_none() {
-            return bsdf.sample(*wo, u_lobe, u, TransportMode::Radiance);
+            return self.shading.sample(u_lobe, u);
         }
         let [diffuse, glossy, specular] = bsdf.lobe_weights(*wo);
         let (total, others) = (diffuse + glossy + specular, glossy + specular);
@@ -74,7 +74,7 @@ impl<'a> Directions<'a> {
         }
         let share = diffuse / total;
         if u_lobe >= share {
-            return bsdf.sample(*wo, u_lobe, u, TransportMode::Radiance);
+            return self.shading.sample(u_lobe, u);
         }
         let sample = self.sample_diffuse(u_lobe / share, u)?;
         Some(BsdfSample { throughput: sample.throughput / share, ..sample })
@@ -85,14 +85,13 @@ impl<'a> Directions<'a> {
     /// heuristic, Veach 1997, section 9.2.4). `None` where nothing arrives.
     #[inline]
     pub fn sample_diffuse(&self, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
-        let Shading { bsdf, wo_local: wo, .. } = self.shading;
-        let mode = TransportMode::Radiance;
+        let shading = self.shading;
         let Some(guide) = &self.guide else {
-            return bsdf.sample_lobe(Lobe::Diffuse, *wo, u_lobe, u, mode);
+            return shading.sample_lobe(Lobe::Diffuse, u_lobe, u);
         };
         let share = self.bsdf_share();
         if u_lobe < share {
-            let mut sample = bsdf.sample_lobe(Lobe::Diffuse, *wo, u_lobe / share, u, mode)?;
+            let mut sample = shading.sample_lobe(Lobe::Diffuse, u_lobe / share, u)?;
             let pdf = self.pdf_diffuse(sample.wi);
             sample.throughput *= sample.pdf_solid_angle / pdf;
             sample.pdf_solid_angle = pdf;
@@ -100,12 +99,13 @@ impl<'a> Directions<'a> {
         }
         let (direction, cos, by_guide) = guide.sample(u);
         // The cosine is that of the frame, without the rounding on the way to the world and back.
-        let wi = self.shading.frame.to_local(direction).truncate().extend(cos);
+        let wi = shading.frame.to_local(direction).truncate().extend(cos);
         let mut pdf = (1.0 - share) * by_guide;
         if share > 0.0 {
-            pdf += share * bsdf.pdf_solid_angle(Lobe::Diffuse, *wo, wi);
+            pdf += share * shading.pdf_solid_angle(Lobe::Diffuse, wi);
         }
-        let throughput = bsdf.eval(Lobe::Diffuse, *wo, wi, mode) * (cos / pdf);
+        let cos = if shading.bend.is_none() { cos } else { 1.0 };
+        let throughput = shading.eval(Lobe::Diffuse, wi) * (cos / pdf);
         (throughput.max_element() > 0.0 && throughput.is_finite()).then_some(BsdfSample {
             wi,
             throughput,
@@ -118,14 +118,14 @@ impl<'a> Directions<'a> {
     /// Density per solid angle, 1/sr, with which [`Self::sample_diffuse`] draws `wi`, in the shading frame.
     #[inline]
     pub fn pdf_diffuse(&self, wi: Vec3) -> f32 {
-        let Shading { bsdf, wo_local, frame, .. } = self.shading;
-        let Some(guide) = &self.guide else { return bsdf.pdf_solid_angle(Lobe::Diffuse, *wo_local, wi) };
+        let shading = self.shading;
+        let Some(guide) = &self.guide else { return shading.pdf_solid_angle(Lobe::Diffuse, wi) };
         let share = self.bsdf_share();
-        let by_guide = guide.pdf_solid_angle(frame.to_world(wi));
+        let by_guide = guide.pdf_solid_angle(shading.frame.to_world(wi));
         if share == 0.0 {
             by_guide
         } else {
-            (1.0 - share) * by_guide + share * bsdf.pdf_solid_angle(Lobe::Diffuse, *wo_local, wi)
+            (1.0 - share) * by_guide + share * shading.pdf_solid_angle(Lobe::Diffuse, wi)
         }
     }
 }

@@ -2,7 +2,7 @@
 //! out: a light in another room gets few of them, one in this room many.
 
 use super::direct::receiver;
-use crate::bsdf::{Lobe, TransportMode};
+use crate::bsdf::Lobe;
 use crate::camera::Camera;
 use crate::lights::{LIGHTS_SAMPLED_EACH, LightId, LightSample};
 use crate::math::{Ray, Rgb, unit};
@@ -174,8 +174,7 @@ fn trace(scene: &Scene, camera: &Camera, ((x, y), side): ((u32, u32), u32), seed
             found.eyes.push(Eye { position, normal, radius: angle * way, weight });
         }
         let (u_lobe, u) = (samples.next_1d(), samples.next_2d());
-        let mode = TransportMode::Radiance;
-        let Some(sample) = shading.bsdf.sample(shading.wo_local, u_lobe, u, mode) else { return };
+        let Some(sample) = shading.sample(u_lobe, u) else { return };
         throughput *= sample.throughput;
         is_indirect |= sample.lobe == Lobe::Diffuse;
         if !(throughput.max_element() > 1e-3) {

@@ -162,7 +162,7 @@ impl PathTracer<'_> {
         // Roulette must not undo the guiding, which lowers the weight of the directions that matter: it goes by what the
         // surfaces reflect.
         if directions.is_guided() && sample.lobe == Lobe::Diffuse {
-            let by_bsdf = shading.bsdf.pdf_solid_angle(Lobe::Diffuse, shading.wo_local, sample.wi);
+            let by_bsdf = shading.pdf_solid_angle(Lobe::Diffuse, sample.wi);
             state.guidance *= by_bsdf / sample.pdf_solid_angle;
         }
         let brightest = state.throughput.max_element() / state.guidance;

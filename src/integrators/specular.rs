@@ -2,7 +2,7 @@
 
 use super::direct::Drawn;
 use super::glints::Chain;
-use crate::bsdf::{BsdfSample, Lobe, TransportMode};
+use crate::bsdf::{BsdfSample, Lobe};
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::SampleStream;
@@ -92,8 +92,7 @@ pub(super) fn push_specular(
     shading: &Shading,
     u: f32,
 ) {
-    let mode = TransportMode::Radiance;
-    let sample = shading.bsdf.sample_lobe(Lobe::Specular, shading.wo_local, u, glam::Vec2::ZERO, mode);
+    let sample = shading.sample_lobe(Lobe::Specular, u, glam::Vec2::ZERO);
     push_sample(branches, parent, scene, (hit, shading), sample, 1.0);
 }
 
@@ -105,7 +104,7 @@ fn push(
     shading: &Shading,
     (u, share): (f32, f32),
 ) {
-    let sample = shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance);
+    let sample = shading.sample(u, glam::Vec2::ZERO);
     push_sample(branches, parent, scene, (hit, shading), sample, share);
 }
 

@@ -208,6 +208,20 @@ impl Light {
         matches!(self, Self::Point(_) | Self::Spot(_) | Self::Directional(_))
     }
 
+    /// Largest probability with which a direction drawn by the cosine at `position` (render space) meets the light, were
+    /// nothing in the way: the square of the sine of its angular radius. Zero for what no ray meets.
+    pub fn chance_from(&self, position: Vec3) -> f64 {
+        match self {
+            Self::Area(area) => area.bounding_sphere().map_or(1.0, |(centre, radius)| {
+                let ratio = radius / centre.distance(position.as_dvec3());
+                if ratio < 1.0 { ratio * ratio } else { 1.0 }
+            }),
+            Self::Sun(sun) => f64::from(sun.angular_radius().sin().powi(2)),
+            Self::Environment(_) => 1.0,
+            Self::Point(_) | Self::Spot(_) | Self::Directional(_) => 0.0,
+        }
+    }
+
     /// True for light that comes from outside the scene.
     pub fn is_at_infinity(&self) -> bool {
         matches!(self, Self::Directional(_) | Self::Sun(_) | Self::Environment(_))

@@ -5,6 +5,7 @@
 //! points sit in full blocks of `L` at the leaves, coordinate by coordinate, and only the splits are nodes. Node
 //! and block indices follow from the counts, so there are no pointers: 8 bytes for each `L` points.
 
+use super::photon::{NORMAL_CLASSES, class_of_normal};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
@@ -13,7 +14,7 @@ use std::cmp::Ordering;
 pub(super) trait Point: Copy + Send + Sync {
     /// Where it is; finite.
     fn position(&self) -> Vec3;
-    /// Two bytes that searches decide by.
+    /// Two bytes that searches decide by; the code of a normal is in the lowest 12 bits.
     fn tag(&self) -> u16;
     /// All that tells two points at one place apart, so that a tree is a function of the set of its points.
     fn tie(&self) -> u64;
@@ -24,7 +25,32 @@ pub(super) trait Point: Copy + Send + Sync {
 struct Node {
     /// Coordinate that no point on the left exceeds, and the smallest on the right.
     split: f32,
-    axis: u32,
+    /// The axis in bits 0 and 1, then the classes of normals that the points on the left have, one bit each, and those on the
+    /// right.
+    axis_and_normals: u32,
+}
+
+/// One bit for each class of normals.
+type NormalSet = u32;
+
+const ALL_NORMALS: NormalSet = (1 << NORMAL_CLASSES) - 1;
+const _: () = assert!(2 + 2 * NORMAL_CLASSES <= u32::BITS);
+
+impl Node {
+    fn new(split: f32, axis: usize, left: NormalSet, right: NormalSet) -> Self {
+        Self { split, axis_and_normals: axis as u32 | left << 2 | right << (2 + NORMAL_CLASSES) }
+    }
+
+    #[inline]
+    fn axis(&self) -> usize {
+        (self.axis_and_normals & 3) as usize
+    }
+
+    /// Of the points on the left, and on the right.
+    #[inline]
+    fn normals(&self) -> [NormalSet; 2] {
+        [2, 2 + NORMAL_CLASSES].map(|shift| self.axis_and_normals >> shift & ALL_NORMALS)
+    }
 }
 
 /// `L` points, coordinate by coordinate, with the tags at hand, as candidates need them at once; places beyond the last
@@ -74,6 +100,7 @@ pub(super) struct KdTree<const L: usize> {
     /// The split between block `i` and block `i + 1`, in order.
     nodes: Vec<Node>,
     blocks: Vec<Block<L>>,
+    extent: Extent,
     len: usize,
 }
 
@@ -91,6 +118,11 @@ struct Pending {
 pub(super) trait Visitor<const L: usize> {
     /// Squared distance beyond which nothing is wanted any more.
     fn bound(&self) -> f32;
+    /// Whether points of normals of these classes ([`class_of_normal`]) may be wanted at all: parts of the tree that have no others
+    /// are passed over.
+    fn wants(&self, _normals: u32) -> bool {
+        true
+    }
     /// Takes the squared distances of the points `first..first + L`, NaN where there is none, and the points.
     fn visit(&mut self, first: u32, distances_squared: &[f32; L], block: &Block<L>);
 }
@@ -110,7 +142,17 @@ impl<const L: usize> KdTree<L> {
         let extent = Extent::of(points);
         split::<P, L>(points, extent, &mut nodes, stop);
         let blocks = points.par_chunks(L).with_min_len(256).map(block_of).collect();
-        Self { nodes, blocks, len: points.len() }
+        Self { nodes, blocks, extent, len: points.len() }
+    }
+
+    /// Middle and half sides of the box around the points; zeros where there are none.
+    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
+        if self.len == 0 {
+            return (Vec3::ZERO, Vec3::ZERO);
+        }
+        let Extent { low, high } = self.extent;
+        // Halves first, whose sum cannot overflow.
+        (0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low)
     }
 
     /// Count of points.
@@ -149,45 +191,60 @@ impl<const L: usize> KdTree<L> {
         let mut stack = [root; MAX_DEPTH];
         let mut height = 0;
         let mut here = root;
-        loop {
+        'subtrees: loop {
             while here.count > 1 {
                 let left = here.count.div_ceil(2);
                 let node = self.nodes[(here.first + left - 1) as usize];
-                let axis = (node.axis & 3) as usize;
+                let axis = node.axis();
                 let delta = p[axis] - node.split;
                 let mut far = here;
                 far.offsets_squared[axis] = delta * delta;
                 let [x, y, z] = far.offsets_squared;
                 far.distance_squared = x + y + z;
+                let [mut near_normals, mut far_normals] = node.normals();
                 if delta < 0.0 {
                     (far.first, far.count) = (here.first + left, here.count - left);
                     here.count = left;
                 } else {
                     far.count = left;
                     (here.first, here.count) = (here.first + left, here.count - left);
+                    std::mem::swap(&mut near_normals, &mut far_normals);
                 }
-                if far.distance_squared <= visitor.bound() {
+                if far.distance_squared <= visitor.bound() && visitor.wants(far_normals) {
                     stack[height] = far;
                     height += 1;
+                }
+                if !visitor.wants(near_normals) {
+                    match next_pending(&stack, &mut height, visitor.bound()) {
+                        Some(pending) => here = pending,
+                        None => return,
+                    }
+                    continue 'subtrees;
                 }
             }
             let block = &self.blocks[here.first as usize];
             visitor.visit(here.first * L as u32, &block.distances_squared(position), block);
-            loop {
-                if height == 0 {
-                    return;
-                }
-                height -= 1;
-                here = stack[height];
-                if here.distance_squared <= visitor.bound() {
-                    break;
-                }
+            match next_pending(&stack, &mut height, visitor.bound()) {
+                Some(pending) => here = pending,
+                None => return,
             }
         }
     }
 }
 
-/// Orders `points`, which `extent` bounds, into blocks of `L`, and notes the splits.
+/// The last subtree that was put off and is not farther than `bound`, taken off the stack.
+#[inline]
+fn next_pending(stack: &[Pending; MAX_DEPTH], height: &mut usize, bound: f32) -> Option<Pending> {
+    while *height > 0 {
+        *height -= 1;
+        if stack[*height].distance_squared <= bound {
+            return Some(stack[*height]);
+        }
+    }
+    None
+}
+
+/// Orders `points`, which `extent` bounds, into blocks of `L`, and notes the splits. The classes of their normals.
 ///
 /// The middle block divides along the widest side, unless points with the very same coordinate lie on both sides of
 /// it, as in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of the
@@ -198,14 +255,14 @@ fn split<P: Point, const L: usize>(
     extent: Extent,
     nodes: &mut [Node],
     stop: &(dyn Fn() -> bool + Sync),
-) {
+) -> NormalSet {
     let count = nodes.len() + 1;
     if count * L > PARALLEL_LENGTH && stop() {
-        return;
+        return ALL_NORMALS;
     }
     if count == 1 {
         points.sort_unstable_by(everything);
-        return;
+        return points.iter().fold(0, |set, point| set | 1 << class_of_normal(point.tag()));
     }
     let left = count.div_ceil(2);
     let middle = left * L;
@@ -227,15 +284,15 @@ fn split<P: Point, const L: usize>(
     let (low, high) = points.split_at_mut(middle);
     let (low_nodes, rest) = nodes.split_at_mut(left - 1);
     let (node, high_nodes) = rest.split_at_mut(1);
-    node[0] = Node { split, axis: axis as u32 };
     let mut split_low = || self::split::<P, L>(low, low_extent, low_nodes, stop);
     let mut split_high = || self::split::<P, L>(high, Extent::of(high), high_nodes, stop);
-    if count * L > PARALLEL_LENGTH {
-        rayon::join(split_low, split_high);
+    let (left, right) = if count * L > PARALLEL_LENGTH {
+        rayon::join(split_low, split_high)
     } else {
-        split_low();
-        split_high();
-    }
+        (split_low(), split_high())
+    };
+    node[0] = Node::new(split, axis, left, right);
+    left | right
 }
 
 /// Moves the `middle` lowest points along `axis` to the front; the coordinate of the next one.
@@ -250,7 +307,7 @@ fn select<P: Point>(points: &mut [P], middle: usize, axis: usize) -> f32 {
 }
 
 /// The box around some points.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Extent {
     low: Vec3,
     high: Vec3,

@@ -175,6 +175,8 @@ fn distance_squared_of(key: u64) -> f32 {
 pub struct PhotonMap {
     tree: KdTree<LEAF>,
     payloads: Vec<Payload>,
+    /// Middle and half sides of the box around the photons.
+    bounds: (Vec3, Vec3),
     emitted: u64,
     dropped: u64,
 }
@@ -222,7 +224,8 @@ impl PhotonMap {
         let dropped = (given - photons.len()) as u64;
         let tree = KdTree::build_until(&mut photons, stop);
         let payloads = photons.par_iter().with_min_len(4096).map(Photon::payload).collect();
-        Self { tree, payloads, emitted, dropped }
+        let bounds = tree.bounds();
+        Self { tree, payloads, bounds, emitted, dropped }
     }
 
     /// The map of the photons of all `maps`, whose passes emitted the sum of their counts.
@@ -322,7 +325,7 @@ impl PhotonMap {
             accept,
             blocks: 0,
         };
-        if query.k > 0 {
+        if query.k > 0 && !self.is_out_of_plane(query) {
             match query.region {
                 SearchRegion::Sphere => self.tree.search(query.position, &mut collector),
                 SearchRegion::Disc => {
@@ -337,6 +340,28 @@ impl PhotonMap {
         let len = collector.finish();
         scratch.visited += blocks * LEAF as u64;
         Neighbours { keys: &scratch.keys[..len], complete: len > 0 && len == query.k }
+    }
+
+    /// Whether every photon lies so far from the plane of the query that none is within [`Query::max_radius`] as a disc measures
+    /// ([`flattened`]): a lower bound of that distance by the box around all photons. As where all lie on a floor, and a place above
+    /// looks for some that lie in its own plane.
+    fn is_out_of_plane(&self, query: &Query) -> bool {
+        if query.region != SearchRegion::Disc {
+            return false;
+        }
+        let (middle, half) = self.bounds;
+        let height = (middle - query.position).dot(query.normal).abs() - half.dot(query.normal.abs());
+        let bound = query.max_radius * query.max_radius;
+        if !(height > 0.0 && bound.is_finite()) {
+            return false;
+        }
+        // The height is measured along the mean of both normals, at half their angle from the query's.
+        let [cos, sin] = [1.0, -1.0].map(|sign| (0.5 + sign * 0.5 * query.min_normal_cos).max(0.0).sqrt());
+        let across = (bound - height * height).max(0.0).sqrt();
+        let tilted = (height * cos - across * sin).max(0.0);
+        let outside = (tilted * tilted - IN_SURFACE * IN_SURFACE * bound).max(0.0);
+        // A thousandth is more than all rounding.
+        height * height + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * outside > 1.001 * bound
     }
 
     /// The nearest photon that `query` accepts and `accept` too, and its squared distance. [`Query::k`] is ignored.
@@ -429,6 +454,11 @@ impl Visitor<LEAF> for Collector<'_> {
     }
 
     #[inline]
+    fn wants(&self, normals: u32) -> bool {
+        self.accept.may_accept(normals)
+    }
+
+    #[inline]
     fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], block: &Block<LEAF>) {
         self.take(first, distances_squared, |acceptance, lane, distance_squared| {
             (acceptance.accepts(block.tag(lane)), distance_squared)
@@ -446,6 +476,11 @@ impl Visitor<LEAF> for Flat<'_, '_> {
     #[inline]
     fn bound(&self) -> f32 {
         self.collector.bound
+    }
+
+    #[inline]
+    fn wants(&self, normals: u32) -> bool {
+        self.collector.accept.may_accept(normals)
     }
 
     #[inline]

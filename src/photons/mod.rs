@@ -37,8 +37,8 @@ pub use irradiance::IrradianceMap;
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use pass::{
-    CausticSurvey, TracedPhotons, record_photon_rays, survey_caustics, trace_photons, trace_photons_alone,
-    trace_photons_shared,
+    CausticSurvey, PhotonsFor, TracedPhotons, record_photon_rays, survey_caustics, trace_photons,
+    trace_photons_alone, trace_photons_for,
 };
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
 pub use projection_picture::{ProjectionPicture, projection_picture};

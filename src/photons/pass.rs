@@ -76,17 +76,29 @@ pub fn trace_photons(
     settings: &TraceSettings,
     progress: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Option<TracedPhotons> {
-    trace_photons_shared(scene, settings, None, progress)
+    trace_photons_for(scene, settings, PhotonsFor::default(), progress)
 }
 
-/// [`trace_photons`] where each light gets as many photons times its number of `budget`, before all are scaled to what is asked
-/// for. Numbers are positive; they change noise, and no light.
-pub fn trace_photons_shared(
+/// What photons are wanted for, beyond what the scene itself says.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PhotonsFor<'a> {
+    /// Each light gets as many photons times its number here, before all are scaled to what is asked for. Numbers are
+    /// positive; they change noise, and no light.
+    pub budget: Option<&'a [f64]>,
+    /// Surfaces whose irradiance is asked for: photons are stored there whatever these surfaces reflect, so also where they
+    /// are black. Indices into [`Scene::surfaces`], in ascending order. Elsewhere photons are stored only where a diffuse lobe
+    /// reflects them.
+    pub receivers: &'a [u32],
+}
+
+/// [`trace_photons`] for a purpose.
+pub fn trace_photons_for(
     scene: &Scene,
     settings: &TraceSettings,
-    budget: Option<&[f64]>,
+    wanted: PhotonsFor<'_>,
     progress: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Option<TracedPhotons> {
+    let PhotonsFor { budget, receivers } = wanted;
     let sources = Sources::new(scene, (settings.kind, settings.stored), settings.aimed, budget);
     if settings.stored == 0 || sources.is_dark() {
         return Some(TracedPhotons {
@@ -100,7 +112,7 @@ pub fn trace_photons_shared(
             divided: sources.divided,
         });
     }
-    let pass = Pass { scene, settings, sources: &sources, progress };
+    let pass = Pass { scene, settings, sources: &sources, receivers, progress };
     let (prepass, per_stored) = pass.find_count()?;
     if prepass.stopped || prepass.photons.is_empty() {
         return Some(prepass);
@@ -139,6 +151,7 @@ pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<Ca
     let shares = vec![emitted_by_each; lights];
     let reached = no_surfaces(scene, settings.kind);
     let batch = Batch {
+        receivers: &[],
         scene,
         settings: &settings,
         sources: &sources,
@@ -175,8 +188,15 @@ fn trace_alone(
     let sources = Sources::new(scene, (settings.kind, emitted), settings.aimed, None);
     let shares = sources.shares(emitted);
     let reached = no_surfaces(scene, settings.kind);
-    let batch =
-        Batch { scene, settings, sources: &sources, stream: Stream::Measure, shares, reached: &reached };
+    let batch = Batch {
+        scene,
+        settings,
+        sources: &sources,
+        receivers: &[],
+        stream: Stream::Measure,
+        shares,
+        reached: &reached,
+    };
     let (mut photons, mut rays) = (Vec::new(), 0);
     for (light, &share) in batch.shares.iter().enumerate() {
         let traced = batch.trace_range(light, 0, share, emitted, observe);
@@ -200,6 +220,7 @@ struct Pass<'a> {
     scene: &'a Scene,
     settings: &'a TraceSettings,
     sources: &'a Sources<'a>,
+    receivers: &'a [u32],
     progress: &'a (dyn Fn(u64, u64) -> bool + Sync),
 }
 
@@ -236,9 +257,9 @@ impl Pass<'_> {
     fn run(&self, stream: Stream, emitted: u64, chunk: Option<u64>) -> Option<(TracedPhotons, Vec<u64>)> {
         let shares = self.sources.shares(emitted);
         let emitted: u64 = shares.iter().sum();
-        let Self { scene, settings, sources, .. } = *self;
+        let Self { scene, settings, sources, receivers, .. } = *self;
         let reached = no_surfaces(scene, settings.kind);
-        let batch = Batch { scene, settings, sources, stream, shares, reached: &reached };
+        let batch = Batch { scene, settings, sources, receivers, stream, shares, reached: &reached };
         let mut tasks = Vec::new();
         for (light, &share) in batch.shares.iter().enumerate() {
             let size = chunk.unwrap_or(share.div_ceil(REPLICAS)).max(1);

@@ -211,6 +211,62 @@ pub(super) fn decode_normal(flags: u16) -> Vec3 {
     NORMALS[usize::from(flags) % NORMAL_CODES]
 }
 
+/// Classes of normals: those nearest to each of the six axes and eight diagonals.
+pub(super) const NORMAL_CLASSES: u32 = 14;
+
+/// One class of normals.
+#[derive(Clone, Copy, Debug)]
+struct NormalClass {
+    middle: Vec3,
+    /// Cosine and sine of the largest angle between the middle and a normal of the class.
+    reach: [f32; 2],
+}
+
+/// By code, its class; and the classes.
+static CLASSES: LazyLock<(Box<[u8; NORMAL_CODES]>, [NormalClass; NORMAL_CLASSES as usize])> =
+    LazyLock::new(|| {
+        let middle = |class: usize| match class {
+            0..6 => Vec3::AXES[class / 2] * [1.0, -1.0][class % 2],
+            _ => Vec3::from_array([0, 1, 2].map(|bit| [1.0, -1.0][(class - 6) >> bit & 1])).normalize(),
+        };
+        let middles: [Vec3; NORMAL_CLASSES as usize] = std::array::from_fn(middle);
+        let nearest = |normal: Vec3| {
+            let cosines = middles.map(|middle| middle.dot(normal));
+            (0..cosines.len()).max_by(|&a, &b| cosines[a].total_cmp(&cosines[b])).unwrap_or(0)
+        };
+        let table = Box::new(std::array::from_fn(|code| nearest(NORMALS[code]) as u8));
+        let class = |class: usize| {
+            let middle = middles[class];
+            let of_class = (0..NORMAL_CODES).filter(|&code| usize::from(table[code]) == class);
+            let cosine = of_class.map(|code| middle.dot(NORMALS[code])).fold(1.0, f32::min);
+            NormalClass { middle, reach: [cosine, (1.0 - cosine * cosine).max(0.0).sqrt()] }
+        };
+        let classes = std::array::from_fn(class);
+        (table, classes)
+    });
+
+/// Class of the normal whose code is in the lowest 12 bits of `flags`.
+#[inline]
+pub(super) fn class_of_normal(flags: u16) -> u32 {
+    u32::from(CLASSES.0[usize::from(flags) % NORMAL_CODES])
+}
+
+/// One bit for each class that may have a normal at this cosine or more with the unit `normal`.
+fn classes_near(normal: Vec3, min_cos: f32) -> u32 {
+    // Rounding of cosines of unit vectors, many times over: one class more changes no result.
+    const ROUNDING: f32 = 32.0 * f32::EPSILON;
+    let min_cos = min_cos.clamp(-1.0, 1.0);
+    let min_sin = (1.0 - min_cos * min_cos).max(0.0).sqrt();
+    let mut near = 0;
+    for (i, NormalClass { middle, reach: [cos, sin] }) in CLASSES.1.iter().enumerate() {
+        // Where both angles together exceed a half turn, every class is near.
+        let is_wide = min_cos + cos <= 0.0;
+        let is_near = middle.dot(normal) >= min_cos * cos - min_sin * sin - ROUNDING;
+        near |= u32::from(is_wide || is_near) << i;
+    }
+    near
+}
+
 #[inline]
 pub(super) fn decode_class(flags: u16) -> PhotonClass {
     match flags >> (2 * NORMAL_BITS) & 3 {
@@ -229,12 +285,21 @@ pub(super) struct Acceptance {
     normal: Vec3,
     min_cos: f32,
     classes: u8,
+    /// Classes of normals among which accepted ones may be, one bit each.
+    near: u32,
 }
 
 impl Acceptance {
     /// Photons of `classes` with `dot(photon normal, normal) >= min_cos`.
     pub(super) fn new(normal: Vec3, min_cos: f32, classes: PhotonClasses) -> Self {
-        Self { normals: normal_table(), normal, min_cos, classes: classes.0 }
+        let near = classes_near(normal, min_cos);
+        Self { normals: normal_table(), normal, min_cos, classes: classes.0, near }
+    }
+
+    /// Whether a photon may be accepted whose normal is of one of these classes.
+    #[inline]
+    pub(super) fn may_accept(&self, classes: u32) -> bool {
+        self.near & classes != 0
     }
 
     /// Whether a photon with these flags is accepted.
@@ -290,6 +355,24 @@ mod tests {
         }
         assert!(worst < NORMAL_ERROR && worst > 0.95 * NORMAL_ERROR, "{worst}");
         assert!(super::super::MIN_NORMAL_COS <= (std::f32::consts::FRAC_PI_4 + NORMAL_ERROR).cos());
+    }
+
+    #[test]
+    fn classes_of_normals_leave_no_accepted_one_out() {
+        let mut rng = Rng::new(12, Stream::Measure, 0);
+        let mut left_out = 0;
+        for i in 0..300 {
+            let normal = if i < 3 { Vec3::AXES[i] } else { warp::square_to_sphere(rng.next_2d()) };
+            for min_cos in [-1.0, -0.5, 0.0, super::super::MIN_NORMAL_COS, 0.99] {
+                let accept = Acceptance::new(normal, min_cos, PhotonClasses::ALL);
+                for flags in 0..NORMAL_CODES as u16 {
+                    let may = accept.may_accept(1 << class_of_normal(flags));
+                    assert!(may || !accept.accepts(flags), "{normal} {min_cos} {flags}");
+                    left_out += usize::from(!may);
+                }
+            }
+        }
+        assert!(left_out > 300 * NORMAL_CODES, "{left_out}");
     }
 
     #[test]

@@ -2,11 +2,11 @@
 
 use super::sources::Sources;
 use super::{Photon, PhotonClass};
-use crate::bsdf::{Bsdf, Lambert, Lobe, TransportMode, shading_normal_correction, sides_agree};
+use crate::bsdf::{Bend, Bsdf, BsdfSample, Lambert, Lobe, TransportMode, sides_agree};
 use crate::embree::RawHit;
 use crate::math::{Frame, Ray, Rgb};
 use crate::media::Surroundings;
-use crate::sampling::{Rng, Sobol, Stream, chain_roulette, mix};
+use crate::sampling::{ONE_MINUS_EPSILON, Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::{AddAssign, MulAssign};
@@ -85,6 +85,8 @@ pub(super) struct Batch<'a> {
     pub scene: &'a Scene,
     pub settings: &'a TraceSettings,
     pub sources: &'a Sources<'a>,
+    /// Surfaces at which photons are stored whatever these reflect: indices, in ascending order.
+    pub receivers: &'a [u32],
     pub stream: Stream,
     /// By light: photons emitted.
     pub shares: Vec<u64>,
@@ -296,7 +298,7 @@ impl Flight {
             return true;
         }
         let shading = pass.scene.shading_within(&hit, self.medium);
-        if shading.bsdf.has_diffuse() {
+        if shading.bsdf.has_diffuse() || pass.receivers.binary_search(&hit.surface).is_ok() {
             // Density on the surface has the cosine at the geometric normal in it; what is reflected has that at the
             // shading normal.
             let at = (hit.surface, hit.point.position, hit.facing_normal());
@@ -306,7 +308,7 @@ impl Flight {
         if pass.settings.kind == MapKind::Caustic && !is_lobe_left {
             return false;
         }
-        let goes_on = self.scatter(pass.scene, &hit, &shading, tally);
+        let goes_on = self.scatter(pass, &hit, &shading, tally);
         goes_on && (self.only_specular || pass.settings.kind != MapKind::Caustic)
     }
 
@@ -341,22 +343,29 @@ impl Flight {
     /// Draws the ray on which the photon goes on, and its new power; `false` where it ends here.
     fn scatter(
         &mut self,
-        scene: &Scene,
+        pass: &Batch<'_>,
         hit: &SurfaceInteraction,
         shading: &Shading,
         tally: &mut PhotonTally,
     ) -> bool {
+        let scene = pass.scene;
         let u_lobe = if shading.bsdf.chooses() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
         let bent = hit.shading_normal != hit.point.normal;
-        // Lambert's law is sampled around the geometric normal, see below.
-        let around_geometric = bent && matches!(shading.bsdf, Bsdf::Lambert(_));
-        let frame = if around_geometric { Frame::from_z(shading.geometric) } else { shading.frame };
-        let wo = frame.to_local(hit.wo);
-        let Some(sample) = shading.bsdf.sample(wo, u_lobe, u, TransportMode::Flux) else {
-            return false;
+        // Where a caustic photon would end by the diffuse lobe, the others alone are drawn.
+        let is_mixed = pass.settings.kind == MapKind::Caustic && !bent && shading.bsdf.has_diffuse();
+        let (u_lobe, share) = if is_mixed { without_diffuse(shading, u_lobe) } else { (u_lobe, 1.0) };
+        let found = match (&shading.bsdf, bent) {
+            (_, false) => sampled(shading, u_lobe, u),
+            (Bsdf::Lambert(_), true) => sampled_around_geometric(hit, shading, u),
+            (_, true) => {
+                let flat = SurfaceInteraction { shading_normal: hit.point.normal, ..*hit };
+                let flat = scene.shading_within(&flat, self.medium);
+                let candidates = candidates(hit, shading, &flat, (u_lobe, u));
+                one_of(candidates, || self.rng.next_f32())
+            }
         };
-        let direction = frame.to_world(sample.wi);
+        let Some((sample, direction)) = found else { return false };
         let mut weight = 1.0;
         if sample.lobe != Lobe::Diffuse {
             self.check_medium(scene, hit, tally);
@@ -371,17 +380,11 @@ impl Flight {
         else {
             return false;
         };
-        let mut power = self.power * (sample.throughput * weight);
-        if bent {
-            power *= match around_geometric {
-                false => shading_normal_correction(hit.wo, direction, shading.frame.z, shading.geometric),
-                // The adjoint of what a camera path meets that arrives from `direction`: the cosine at the shading
-                // normal, or at the geometric one where the shading normal faces away from it.
-                true if sides_agree(direction, hit.shading_normal, hit.point.normal) => shading_share(hit),
-                true => 1.0,
-            };
-        }
-        if !self.survives(power) {
+        let power = self.power * (sample.throughput * (weight * share));
+        // Photons are aimed at a surface by what it mirrors, and those that arrive there carry more by as much as it mirrors less: roulette
+        // is not to take that away again.
+        let expected = if is_mixed && self.depth == 0 { mirrored_share(&shading.bsdf) } else { 1.0 };
+        if !self.survives_below(power, expected) {
             return false;
         }
         self.medium = medium;
@@ -408,7 +411,13 @@ impl Flight {
     /// photons keep their power and no channel of a survivor grows beyond it.
     #[inline(always)]
     fn survives(&mut self, power: Rgb) -> bool {
-        let survival = power.max_element() / self.power.max_element();
+        self.survives_below(power, 1.0)
+    }
+
+    /// [`Self::survives`] where photons are meant to keep the `expected` share of their power: none is stopped that has as much.
+    #[inline(always)]
+    fn survives_below(&mut self, power: Rgb, expected: f32) -> bool {
+        let survival = power.max_element() / (self.power.max_element() * expected);
         if !(survival > 0.0) || survival < 1.0 && self.rng.next_f32() >= survival {
             return false;
         }
@@ -417,14 +426,96 @@ impl Flight {
     }
 }
 
-/// Cosine of incidence at the shading normal over that at the geometric one, for the light that arrives at `hit`: the
-/// share of the flux density on the surface that a diffuse lobe reflects, or more than one. Zero from below the shading
-/// normal's horizon (Veach 1997, section 5.3).
-fn shading_share(hit: &SurfaceInteraction) -> f32 {
-    let (shading, geometric) = (hit.wo.dot(hit.shading_normal), hit.wo.dot(hit.point.normal));
-    if hit.shading_normal == hit.point.normal || geometric == 0.0 {
-        1.0
-    } else {
-        (shading / geometric).max(0.0)
+/// The number that chooses a lobe, moved to where it chooses none but the highly glossy and specular ones, and the share of the
+/// light that is theirs.
+fn without_diffuse(shading: &Shading, u_lobe: f32) -> (f32, f32) {
+    let [diffuse, glossy, specular] = shading.bsdf.lobe_weights(shading.wo_local);
+    let total = diffuse + glossy + specular;
+    let share = diffuse / total;
+    if !(diffuse > 0.0 && total > diffuse) {
+        return (u_lobe, 1.0);
     }
+    ((share + (1.0 - share) * u_lobe).min(ONE_MINUS_EPSILON), 1.0 - share)
+}
+
+/// Mean share, over the hemisphere and weighted by the cosine, of the light that a surface mirrors or refracts.
+fn mirrored_share(bsdf: &Bsdf) -> f32 {
+    const DIRECTIONS: u8 = 4;
+    let share = |i: u8| {
+        let cosine = ((f32::from(i) + 0.5) / f32::from(DIRECTIONS)).sqrt();
+        let sine = ((1.0 - cosine) * (1.0 + cosine)).sqrt();
+        let [_, glossy, specular] = bsdf.lobe_weights(Vec3::new(sine, 0.0, cosine));
+        glossy + specular
+    };
+    ((0..DIRECTIONS).map(share).sum::<f32>() / f32::from(DIRECTIONS)).clamp(f32::MIN_POSITIVE, 1.0)
+}
+
+/// A direction and the sample that it is from.
+type Scattered = (BsdfSample, Vec3);
+
+/// A direction drawn from the BSDF.
+fn sampled(shading: &Shading, u_lobe: f32, u: Vec2) -> Option<Scattered> {
+    let sample = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux)?;
+    Some((sample, shading.frame.to_world(sample.wi)))
+}
+
+/// A direction from a Lambertian surface with another shading normal. Its light leaves as that of any Lambertian surface, so it
+/// is drawn around the geometric normal, and has no cosine at grazing angles to be divided by.
+fn sampled_around_geometric(hit: &SurfaceInteraction, shading: &Shading, u: Vec2) -> Option<Scattered> {
+    let frame = Frame::from_z(shading.geometric);
+    let sample = shading.bsdf.sample(frame.to_local(hit.wo), 0.0, u, TransportMode::Flux)?;
+    let direction = frame.to_world(sample.wi);
+    // The adjoint of what a camera path meets that arrives from `direction`: it sees the geometric normal where the shading
+    // normal faces away from it.
+    let sees_shading = sides_agree(direction, hit.shading_normal, hit.point.normal);
+    let share = if sees_shading { shading_share(hit) } else { 1.0 };
+    Some((BsdfSample { throughput: sample.throughput * share, ..sample }, direction))
+}
+
+/// Directions in which light goes on from a surface whose normals differ, each a term of the adjoint of what paths do: those
+/// from where the shading normal is seen, and those from where it faces away and a path sees the geometric one, `flat`.
+fn candidates(
+    hit: &SurfaceInteraction,
+    shading: &Shading,
+    flat: &Shading,
+    (u_lobe, u): (f32, Vec2),
+) -> [Option<Scattered>; 4] {
+    let seen = match shading.bent() {
+        Some(bent) => bent.scatter_photon(u_lobe, u),
+        // Light from where the shading normal faces away.
+        None => [None; 3],
+    };
+    let [a, b, c] = seen.map(|sample| sample.map(|sample| (sample, shading.frame.to_world(sample.wi))));
+    let faces_away = |direction: Vec3| !sides_agree(direction, hit.shading_normal, hit.point.normal);
+    [a, b, c, sampled(flat, u_lobe, u).filter(|&(_, direction)| faces_away(direction))]
+}
+
+/// One of several directions, in proportion to what goes there, with the light of all.
+fn one_of(candidates: [Option<Scattered>; 4], u: impl FnOnce() -> f32) -> Option<Scattered> {
+    let weight = |found: &Option<Scattered>| found.map_or(0.0, |(sample, _)| sample.throughput.max_element());
+    let total: f32 = candidates.iter().map(weight).sum();
+    let mut left = u() * total;
+    let chosen = candidates.iter().position(|found| {
+        let weight = weight(found);
+        let is_here = weight > 0.0 && left < weight;
+        left -= weight;
+        is_here
+    });
+    // Rounding may leave a little at the end.
+    let chosen = chosen.or_else(|| candidates.iter().rposition(|found| weight(found) > 0.0))?;
+    let (sample, direction) = candidates[chosen]?;
+    let throughput = sample.throughput * (total / sample.throughput.max_element());
+    Some((BsdfSample { throughput, ..sample }, direction))
+}
+
+/// What a Lambertian surface reflects of light that arrives at `hit`, over what it would with the geometric normal as shading
+/// normal: the share of a photon's power that the map keeps ([`crate::bsdf::Bend::lambert_share`]). Zero from below the
+/// shading normal's horizon.
+fn shading_share(hit: &SurfaceInteraction) -> f32 {
+    if hit.shading_normal == hit.point.normal {
+        return 1.0;
+    }
+    let side = 1f32.copysign(hit.wo.dot(hit.point.normal));
+    let frame = Frame::from_z(hit.shading_normal * side);
+    Bend::new(frame.to_local(hit.point.normal * side)).lambert_share(frame.to_local(hit.wo))
 }

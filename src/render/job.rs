@@ -173,7 +173,8 @@ pub fn render_with_maps(
     let mut pass_one = match maps {
         Some(maps) => maps,
         None => {
-            let picture = ForPicture { budget: shared, finest: &finest, saved, time: tracing };
+            let picture =
+                ForPicture { budget: shared, finest: &finest, saved, time: tracing, receivers: &[] };
             build_maps_from(scene, &plan, settings, picture, observer)?
         }
     };

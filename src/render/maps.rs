@@ -15,8 +15,8 @@ use crate::integrators::{
 use crate::lights::LightId;
 use crate::photons::{
     Deposit, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
-    PhotonClasses, PhotonMap, PhotonTally, TraceSettings, TracedPhotons, build_shadow_maps, split_deposits,
-    trace_photons_shared,
+    PhotonClasses, PhotonMap, PhotonTally, PhotonsFor, TraceSettings, TracedPhotons, build_shadow_maps,
+    split_deposits, trace_photons_for,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -150,6 +150,8 @@ pub struct ForPicture<'a> {
     pub saved: Option<SavedMaps>,
     /// Time for tracing all photons; without it a share of what is left until the observer's deadline.
     pub time: Option<Duration>,
+    /// Surfaces whose irradiance is asked for ([`PhotonsFor::receivers`]).
+    pub receivers: &'a [u32],
 }
 
 /// [`build_maps`] for a picture.
@@ -172,7 +174,7 @@ pub fn build_maps_from(
     let limit = picture.time.or_else(|| observer.deadline().map(share));
     // Where photons were counted to fit, neither map needs to be held to its half.
     let is_counted = picture.time.is_some();
-    let ForPicture { finest, saved, budget, .. } = picture;
+    let ForPicture { finest, saved, budget, receivers, .. } = picture;
     let deposits = Default::default();
     let mut builder = MapBuilder {
         scene,
@@ -180,6 +182,7 @@ pub fn build_maps_from(
         saved,
         observer,
         finest,
+        receivers,
         deposits,
         budget,
         is_counted,
@@ -246,6 +249,7 @@ struct MapBuilder<'a> {
     saved: Option<SavedMaps>,
     observer: &'a dyn Observer,
     finest: &'a [f32],
+    receivers: &'a [u32],
     /// Photons of the global and of the caustic pass for illumination maps, and the count emitted; `None` before the pass.
     deposits: [Option<(Vec<Deposit>, u64)>; 2],
     budget: Option<&'a PhotonBudget>,
@@ -384,7 +388,8 @@ impl MapBuilder<'_> {
             MapKind::Global => &budget.global[..],
             MapKind::Caustic => &budget.caustic[..],
         });
-        let traced = trace_photons_shared(scene, &trace, budget, &|done, total| {
+        let wanted_for = PhotonsFor { budget, receivers: self.receivers };
+        let traced = trace_photons_for(scene, &trace, wanted_for, &|done, total| {
             observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
             !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
         })?;

@@ -1,6 +1,7 @@
 //! Jobs: settings, passes, tiles, progress, statistics.
 
 mod adaptive;
+mod batches;
 mod estimate;
 mod glints;
 mod job;
@@ -26,7 +27,9 @@ pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from, phot
 pub use memory::{MemoryError, PhotonCounts};
 pub use observer::{Observer, Silent};
 pub use pretrace::finest_distances;
-pub use probe::{ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe};
+pub use probe::{
+    PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe,
+};
 pub use progressive::{
     Checkpoint, CheckpointError, ErrorEstimate, RoundSize, RoundStatistics, Rounds, blank_checkpoint_bytes,
     error_of_halves, parse_checkpoint_bytes, render_in_rounds,

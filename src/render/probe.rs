@@ -1,15 +1,17 @@
 //! Irradiance at places of the scene, by several estimators side by side.
 
 use super::RenderError;
-use super::maps::build_maps;
+use super::batches::mean_of_batches;
+use super::maps::{ForPicture, build_maps_from};
 use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
 use crate::integrators::{Irradiance, PathTracer, PhotonMapIntegrator, PhotonMaps, Receiver, Scratch};
+use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
-use crate::sampling::SampleStream;
+use crate::sampling::{SampleStream, mix};
 use crate::scene::{RenderPlan, Scene, SurfaceInteraction};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::fmt::Write;
 
@@ -59,24 +61,33 @@ pub struct ProbeRequest {
     pub points: Vec<ProbePoint>,
     /// By what.
     pub estimators: Vec<ProbeEstimator>,
-    /// Samples of each estimator that draws some.
+    /// Samples of each estimator that draws some, over all batches.
     pub samples: u32,
+    /// Batches that share nothing: each has photon maps of its own, of as many photons as the settings say, and its share of the
+    /// samples. Readings are their mean, and the standard error is what they differ by. The first is what one alone would be.
+    pub batches: u32,
     /// From how far above a point, along its normal, its surface is looked for; metres.
     pub lift: f64,
     /// Of maps and estimates.
     pub settings: Settings,
 }
 
+/// Batches by default: their errors are then a fifth wider than those of many batches.
+pub const PROBE_BATCHES: u32 = 8;
+
 /// Irradiance by one estimator. W/m^2, cosine included: direct, caustic, indirect, and all together.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
     /// By what.
     pub estimator: ProbeEstimator,
-    /// Means over the samples.
+    /// Means over samples and batches.
     pub irradiance: [DVec3; 4],
-    /// Standard errors of these as if samples were independent, which is an upper bound since they are stratified. They say
-    /// nothing of the photons' own noise. `None` where there are no samples.
+    /// Standard errors of these, with the noise of photon maps in them: the mean +- 1.96 of them holds the expectation of the
+    /// estimator 95 times in 100. They say nothing of bias, as the blur of estimates from photons. `None` where the noise is not
+    /// known: from one batch (but for paths, by their samples), and where something is missing.
     pub standard_error: Option<[DVec3; 4]>,
+    /// Light that this estimator does not find or hardly ever, in words: the irradiance is then a lower bound.
+    pub missing: Option<String>,
 }
 
 /// What was found at a point.
@@ -106,7 +117,7 @@ pub struct Probed {
 /// Samples of one task.
 const CHUNK: u32 = 256;
 
-/// Sums over samples, for mean and standard error.
+/// Sums over the samples of a batch.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     values: [DVec3; 4],
@@ -129,16 +140,39 @@ impl Sums {
         self.squares.iter_mut().zip(later.squares).for_each(|(sum, square)| *sum += square);
     }
 
-    fn reading(&self, estimator: ProbeEstimator, count: u32, scale: f64) -> Reading {
+    fn mean(&self, count: u32) -> [DVec3; 4] {
+        self.values.map(|sum| sum / f64::from(count))
+    }
+
+    /// Standard errors of the mean as if samples were independent: an upper bound, since they are stratified.
+    fn error(&self, count: u32) -> [DVec3; 4] {
         let n = f64::from(count);
-        let irradiance = self.values.map(|sum| sum * (scale / n));
-        let error = |i: usize| {
+        std::array::from_fn(|i| {
             let mean = self.values[i] / n;
             let variance = (self.squares[i] / n - mean * mean).max(DVec3::ZERO) / (n - 1.0).max(1.0);
-            scale * DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt())
-        };
-        let standard_error = estimator.is_sampled().then(|| std::array::from_fn(error));
-        Reading { estimator, irradiance, standard_error }
+            DVec3::new(variance.x.sqrt(), variance.y.sqrt(), variance.z.sqrt())
+        })
+    }
+}
+
+/// What one estimator found at one point.
+#[derive(Clone, Debug, Default)]
+struct Tally {
+    /// By batch.
+    means: Vec<[DVec3; 4]>,
+    /// By the samples of the last batch, where there were several.
+    error: Option<[DVec3; 4]>,
+}
+
+impl Tally {
+    /// `power` is what render space multiplies by; see [`Reading::missing`].
+    fn reading(&self, estimator: ProbeEstimator, power: f64, missing: Option<String>) -> Reading {
+        let (irradiance, between) = mean_of_batches(&self.means);
+        // The samples of a gather do not know the noise of the map that all of them read.
+        let within = self.error.filter(|_| estimator == ProbeEstimator::Path);
+        let error = between.or(within).filter(|_| missing.is_none());
+        let to_world = |values: [DVec3; 4]| values.map(|value| value / power);
+        Reading { estimator, irradiance: to_world(irradiance), standard_error: error.map(to_world), missing }
     }
 }
 
@@ -163,18 +197,46 @@ pub fn probe(
         irradiance_cache: false,
         ..request.settings.clone()
     };
-    let plan = settings.plan(scene);
-    let needs_maps = request.estimators.iter().any(|&estimator| estimator != ProbeEstimator::Path);
-    let (mut maps, mut warnings) = (PhotonMaps::default(), Vec::new());
-    if needs_maps {
-        let pass = build_maps(scene, &plan, &settings, observer)?;
-        if pass.cancelled {
-            return Ok(None);
-        }
-        (maps, warnings) = (pass.maps, pass.warnings);
-    }
     let landings: Vec<Option<Landing>> =
         request.points.iter().map(|point| land(scene, point, request.lift)).collect();
+    let mut receivers: Vec<u32> = landings.iter().flatten().map(|landing| landing.hit.surface).collect();
+    receivers.sort_unstable();
+    receivers.dedup();
+    let plan = settings.plan(scene).with_receivers(scene, settings.integrator, receivers.len());
+    let needs_maps = request.estimators.iter().any(|&estimator| estimator != ProbeEstimator::Path);
+    let batches = request.batches.max(1);
+    let mut warnings = Vec::new();
+    let mut tallies = vec![vec![Tally::default(); request.estimators.len()]; landings.len()];
+    for batch in 0..batches {
+        let settings = Settings { seed: batch_seed(settings.seed, batch), ..settings.clone() };
+        let mut maps = PhotonMaps::default();
+        if needs_maps {
+            let wanted = ForPicture { receivers: &receivers, ..ForPicture::default() };
+            let pass = build_maps_from(scene, &plan, &settings, wanted, observer)?;
+            if pass.cancelled {
+                return Ok(None);
+            }
+            maps = pass.maps;
+            // Later maps differ from the first by chance alone.
+            if batch == 0 {
+                warnings = pass.warnings;
+            }
+        }
+        let samples = (request.samples / batches).max(1);
+        let probing = Probing {
+            scene,
+            plan: &plan,
+            settings: &settings,
+            maps: &maps,
+            request,
+            samples,
+            batch,
+            batches,
+        };
+        if probing.run(&landings, &mut tallies, observer).is_none() {
+            return Ok(None);
+        }
+    }
     let lost = landings.iter().filter(|landing| landing.is_none()).count();
     if lost > 0 {
         warnings.push(format!(
@@ -182,8 +244,34 @@ pub fn probe(
             landings.len()
         ));
     }
-    let probing = Probing { scene, plan: &plan, settings: &settings, maps: &maps, request };
-    Ok(probing.run(&landings, observer).map(|points| Probed { points, warnings }))
+    let points = landings
+        .iter()
+        .zip(&tallies)
+        .map(|(landing, tallies)| landing.as_ref().map(|landing| describe(scene, request, landing, tallies)));
+    let points: Vec<Option<ProbedSurface>> = points.collect();
+    warnings.extend(warn_of_missing(&points));
+    Ok(Some(Probed { points, warnings }))
+}
+
+/// Seed of a batch: that of the settings for the first.
+fn batch_seed(seed: u64, batch: u32) -> u64 {
+    if batch == 0 { seed } else { mix(mix(seed) ^ u64::from(batch)) }
+}
+
+/// One sentence for each kind of light that paths miss.
+fn warn_of_missing(points: &[Option<ProbedSurface>]) -> Vec<String> {
+    let mut warnings: Vec<String> = Vec::new();
+    for reading in points.iter().flatten().flat_map(|surface| &surface.readings) {
+        let Some(missing) = &reading.missing else { continue };
+        let warning = format!(
+            "`{}` {missing}: its readings are lower bounds without a standard error; `photon-map` and `gather` have that light",
+            reading.estimator.name()
+        );
+        if !warnings.contains(&warning) {
+            warnings.push(warning);
+        }
+    }
+    warnings
 }
 
 /// The first surface below a point, on the side of its normal.
@@ -202,85 +290,114 @@ struct Probing<'a> {
     settings: &'a Settings,
     maps: &'a PhotonMaps,
     request: &'a ProbeRequest,
+    /// Of each estimator that draws some, in this batch.
+    samples: u32,
+    batch: u32,
+    batches: u32,
 }
 
 impl Probing<'_> {
+    /// Adds this batch to the tallies, which are by point and estimator. `None` where the observer stopped it.
     fn run(
         &self,
         landings: &[Option<Landing>],
+        tallies: &mut [Vec<Tally>],
         observer: &dyn Observer,
-    ) -> Option<Vec<Option<ProbedSurface>>> {
+    ) -> Option<()> {
         let Self { scene, request, settings, .. } = *self;
         let reading = settings.photon_map_settings(scene);
-        let samples = request.samples.max(1);
-        observer.begin("probing", landings.len() as u64);
-        let mut found = Vec::with_capacity(landings.len());
-        for (number, landing) in landings.iter().enumerate() {
+        let total = landings.len() as u64;
+        match self.batches {
+            1 => observer.begin("probing", total),
+            batches => observer.begin(&format!("probing, batch {} of {batches}", self.batch + 1), total),
+        }
+        for (number, (landing, tallies)) in landings.iter().zip(tallies).enumerate() {
             if observer.should_stop() {
                 return None;
             }
             observer.advance(number as u64);
-            let Some(landing) = landing else {
-                found.push(None);
-                continue;
-            };
+            let Some(landing) = landing else { continue };
             let mapped = PhotonMapIntegrator::new(scene, self.maps, self.plan, reading, landing.medium);
             let paths = PathTracer::new(scene, settings.max_depth, landing.medium);
             let one = |estimator: ProbeEstimator, index: u32, scratch: &mut Scratch| {
                 let mut stream = SampleStream::new(settings.seed, number as u64, index);
                 let Landing { receiver, medium, .. } = landing;
                 match estimator {
-                    ProbeEstimator::PhotonMap => mapped.photon_irradiance(receiver, scratch),
+                    ProbeEstimator::PhotonMap => Some(mapped.photon_irradiance(receiver, scratch)),
                     ProbeEstimator::Gather => {
-                        mapped.gathered_irradiance(receiver, *medium, &mut stream, scratch)
+                        Some(mapped.gathered_irradiance(receiver, *medium, &mut stream, scratch))
                     }
-                    ProbeEstimator::Path => paths.irradiance(receiver, *medium, &mut stream, scratch),
-                    ProbeEstimator::IlluminationMap => mapped.summed_irradiance(receiver).unwrap_or_default(),
+                    ProbeEstimator::Path => Some(paths.irradiance(receiver, *medium, &mut stream, scratch)),
+                    // Nothing rather than zero where a surface has no such map.
+                    ProbeEstimator::IlluminationMap => mapped.summed_irradiance(receiver),
                 }
             };
-            // Nothing rather than zero where a surface has no such map.
-            let has_sums = mapped.summed_irradiance(&landing.receiver).is_some();
-            let applies =
-                |estimator: &&ProbeEstimator| **estimator != ProbeEstimator::IlluminationMap || has_sums;
-            let readings = request.estimators.iter().filter(applies).map(|&estimator| {
-                let count = if estimator.is_sampled() { samples } else { 1 };
-                let chunks: Vec<Sums> = (0..count.div_ceil(CHUNK))
+            for (&estimator, tally) in request.estimators.iter().zip(tallies) {
+                let count = if estimator.is_sampled() { self.samples } else { 1 };
+                let chunks: Vec<Option<Sums>> = (0..count.div_ceil(CHUNK))
                     .into_par_iter()
                     .map_init(Scratch::default, |scratch, chunk| {
                         let mut sums = Sums::default();
                         let first = chunk * CHUNK;
                         for index in first..count.min(first + CHUNK) {
-                            sums.add(&one(estimator, index, scratch));
+                            sums.add(&one(estimator, index, scratch)?);
                         }
-                        sums
+                        Some(sums)
                     })
                     .collect();
                 let mut sums = Sums::default();
-                chunks.iter().for_each(|chunk| sums.merge(chunk));
-                // Back from render space.
-                sums.reading(estimator, count, 1.0 / scene.space().power)
-            });
-            found.push(Some(self.describe(landing, readings.collect())));
+                if chunks.iter().all(|chunk| chunk.as_ref().map(|chunk| sums.merge(chunk)).is_some()) {
+                    tally.means.push(sums.mean(count));
+                    tally.error = (count > 1).then(|| sums.error(count));
+                }
+            }
         }
-        observer.advance(landings.len() as u64);
-        Some(found)
+        observer.advance(total);
+        Some(())
     }
+}
 
-    fn describe(&self, landing: &Landing, readings: Vec<Reading>) -> ProbedSurface {
-        let Landing { hit, .. } = landing;
-        ProbedSurface {
-            object: self.scene.surface(hit).name.clone(),
-            position: self.scene.space().world_position(hit.point.position.as_dvec3()),
-            normal: hit.facing_normal().as_dvec3(),
-            reflectance: Receiver::reflectance(hit, self.scene),
-            readings,
-        }
+fn describe(scene: &Scene, request: &ProbeRequest, landing: &Landing, tallies: &[Tally]) -> ProbedSurface {
+    let Landing { hit, .. } = landing;
+    let found = request.estimators.iter().zip(tallies).filter(|(_, tally)| !tally.means.is_empty());
+    let readings = found.map(|(&estimator, tally)| {
+        let missing = match estimator {
+            ProbeEstimator::Path => missed_by_paths(scene, hit.point.position, request),
+            _ => None,
+        };
+        tally.reading(estimator, scene.space().power, missing)
+    });
+    ProbedSurface {
+        object: scene.surface(hit).name.clone(),
+        position: scene.space().world_position(hit.point.position.as_dvec3()),
+        normal: hit.facing_normal().as_dvec3(),
+        reflectance: Receiver::reflectance(hit, scene),
+        readings: readings.collect(),
     }
+}
+
+/// Lights that paths from this place meet by way of glass and mirrors in fewer than one sample of each batch, in words: no shadow
+/// ray passes an ideal surface, so only chance finds such light there. A point or parallel light is never met.
+fn missed_by_paths(scene: &Scene, position: Vec3, request: &ProbeRequest) -> Option<String> {
+    let is_ideal = |material: u32| scene.materials()[material as usize].1.has_specular();
+    if !scene.surfaces().iter().any(|surface| surface.all_materials().any(is_ideal)) {
+        return None;
+    }
+    let samples = f64::from((request.samples / request.batches.max(1)).max(1));
+    let is_missed = |light: &Light| light.chance_from(position) * samples < 1.0;
+    let missed = scene.lights().iter().enumerate().filter(|(_, light)| is_missed(light));
+    let names: Vec<String> = missed.map(|(id, _)| format!("`{}`", scene.light_note(id).name)).collect();
+    let shown = match names.len() {
+        0 => return None,
+        1..=5 => names.join(", "),
+        more => format!("{} and {} more", names[..5].join(", "), more - 5),
+    };
+    Some(format!("cannot or hardly find the light of {shown} that comes by way of glass or mirrors"))
 }
 
 impl Probed {
     /// A table with one line for each point and estimator; the first line names columns and their units. Standard errors are
-    /// of the total; what is not known is left empty.
+    /// of the total; what is not known is left empty. The last column says what light an estimator misses.
     pub fn to_csv(&self) -> String {
         let mut text = String::from("point,object,x [m],y [m],z [m],nx,ny,nz,estimator");
         for part in ["direct", "caustic", "indirect", "irradiance", "standard error", "exitance"] {
@@ -289,10 +406,10 @@ impl Probed {
                 let _ = write!(text, ",{part} {channel} [W/m^2]");
             }
         }
-        text.push('\n');
+        text.push_str(",note\n");
         for (number, surface) in self.points.iter().enumerate() {
             let Some(surface) = surface else {
-                let _ = writeln!(text, "{number}{}", ",".repeat(26));
+                let _ = writeln!(text, "{number}{}", ",".repeat(27));
                 continue;
             };
             let name = surface.object.replace('"', "\"\"");
@@ -319,7 +436,12 @@ impl Probed {
                         None => text.push_str(",,,"),
                     }
                 }
-                text.push('\n');
+                let note = reading.missing.as_deref().unwrap_or_default();
+                let _ = if note.is_empty() {
+                    writeln!(text, ",")
+                } else {
+                    writeln!(text, ",\"{}\"", note.replace('"', "\"\""))
+                };
             }
         }
         text

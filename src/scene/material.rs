@@ -179,6 +179,11 @@ impl Material {
         self.front_bsdf().has_glossy()
     }
 
+    /// True where light is mirrored or refracted ideally: what no shadow ray passes, and no light can be sampled through.
+    pub fn has_specular(&self) -> bool {
+        self.front_bsdf().has_specular()
+    }
+
     /// True where light is mirrored or refracted, ideally or highly glossy: what makes caustics.
     pub fn is_specular(&self) -> bool {
         self.specularity() > 0.0

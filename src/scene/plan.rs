@@ -153,20 +153,7 @@ impl RenderPlan {
             glossy_sampling: facts.glossy_sampling(integrator),
             irradiance_cache: facts.irradiance_cache(integrator),
             guide: Decision::no("directions are drawn from BSDFs alone"),
-            light_sampling: match integrator {
-                IntegratorKind::Photons => Decision::no("the map is shown directly"),
-                _ if !facts.lit => Decision::no("there is no light"),
-                _ if facts.diffuse + facts.glossy == 0 => {
-                    Decision::no("there is no diffuse or glossy surface")
-                }
-                _ if facts.glossy == 0 => {
-                    Decision::yes(format!("{} light(s) seen from diffuse surfaces", scene.lights().len()))
-                }
-                _ => Decision::yes(format!(
-                    "{} light(s) seen from diffuse or glossy surfaces",
-                    scene.lights().len()
-                )),
-            },
+            light_sampling: facts.light_sampling(integrator, scene.lights().len()),
             bsdf_sampling: match integrator {
                 IntegratorKind::Photons => Decision::no("the map is shown directly"),
                 IntegratorKind::Path => Decision::yes("paths that hit lights by chance carry caustics"),
@@ -184,6 +171,24 @@ impl RenderPlan {
             },
             geometry: facts.geometry,
         }
+    }
+
+    /// The same plan where so many `receivers` are asked for their irradiance, whatever they reflect: maps then are built for
+    /// them also where nothing else would read any.
+    #[must_use]
+    pub fn with_receivers(mut self, scene: &Scene, integrator: IntegratorKind, receivers: usize) -> Self {
+        let mut facts = Facts::of(scene);
+        if receivers == 0 || facts.diffuse > 0 {
+            return self;
+        }
+        facts.diffuse = receivers;
+        self.global_map = facts.global_map(integrator, MapKind::Global);
+        self.caustic_map = facts.caustic_map(integrator, MapKind::Caustic);
+        self.light_sampling = facts.light_sampling(integrator, scene.lights().len());
+        if !matches!(integrator, IntegratorKind::Path | IntegratorKind::Photons) {
+            self.bsdf_sampling = facts.bsdf_sampling();
+        }
+        self
     }
 
     /// The same without the irradiance cache unless it is `wanted`.
@@ -378,6 +383,16 @@ impl Facts {
             _ => Decision::yes(format!(
                 "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
             )),
+        }
+    }
+
+    fn light_sampling(&self, integrator: IntegratorKind, lights: usize) -> Decision {
+        match integrator {
+            IntegratorKind::Photons => Decision::no("the map is shown directly"),
+            _ if !self.lit => Decision::no("there is no light"),
+            _ if self.diffuse + self.glossy == 0 => Decision::no("there is no diffuse or glossy surface"),
+            _ if self.glossy == 0 => Decision::yes(format!("{lights} light(s) seen from diffuse surfaces")),
+            _ => Decision::yes(format!("{lights} light(s) seen from diffuse or glossy surfaces")),
         }
     }
 

@@ -3,6 +3,7 @@
 use super::contact::Borders;
 use super::layered::Painted;
 use super::material::Material;
+use super::shading::Shading;
 use super::texture::tinted;
 use crate::bsdf::{Bsdf, Dielectric};
 use crate::embree::SurfacePoint;
@@ -356,7 +357,7 @@ impl SurfaceInteraction {
             }
             bsdf = Bsdf::Layered(layers.seen_from(wo_local));
         }
-        Shading { bsdf, frame, geometric, wo_local }
+        Shading::new(bsdf, frame, geometric, wo_local)
     }
 
     /// A ray from here in a unit `direction`, started off the surface by this hit's own error bound.
@@ -370,19 +371,6 @@ impl SurfaceInteraction {
     pub fn spawn_to(&self, target: Vec3) -> Ray {
         Ray::segment(self.point.moved_towards(target - self.point.position), target)
     }
-}
-
-/// How a hit scatters: a BSDF and the frame it lives in.
-#[derive(Clone, Copy, Debug)]
-pub struct Shading {
-    /// The model.
-    pub bsdf: Bsdf,
-    /// Frame of the shading normal.
-    pub frame: Frame,
-    /// Geometric normal on the side of the frame's normal.
-    pub geometric: Vec3,
-    /// Direction back along the ray, in the frame.
-    pub wo_local: Vec3,
 }
 
 /// A point on a light for a shadow ray to end at, moved off the light's surface towards `from`.

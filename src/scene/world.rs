@@ -5,7 +5,8 @@ use super::illuminated::IlluminatedShape;
 use super::layered::Site;
 use super::material::Material;
 use super::render_space::RenderSpace;
-use super::surface::{DiffuseHit, HitPoint, Placement, Shading, SurfaceInteraction, TrianglePoint};
+use super::shading::Shading;
+use super::surface::{DiffuseHit, HitPoint, Placement, SurfaceInteraction, TrianglePoint};
 use super::texture::MaterialTexture;
 use crate::bsdf::Dielectric;
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
@@ -680,8 +681,8 @@ impl Scene {
         hit.shading_between(material, Some(Dielectric::new(ior(outside), ior(inside))))
     }
 
-    /// Where a ray is after scattering from within `current` into `direction`; `None` where the direction is on one side of
-    /// the shading normal and on the other of the geometric one: light would pass a surface that it does not pass.
+    /// Where a ray is after scattering from within `current` into `direction`; `None` where by rounding the direction is
+    /// on the other side of the surface than it was drawn for.
     #[inline]
     pub fn medium_after(
         &self,

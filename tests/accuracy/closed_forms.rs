@@ -22,6 +22,7 @@ fn look(stage: &Stage, overrides: &Overrides, points: Vec<ProbePoint>, by: Probe
         points,
         estimators: vec![by],
         samples: 256,
+        batches: 1,
         lift: 1e-3,
         settings: stage.settings(overrides),
     };

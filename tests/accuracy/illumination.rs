@@ -181,6 +181,7 @@ fn the_mirror_square() {
         points: places.iter().map(|&position| ProbePoint { position, normal: DVec3::Y }).collect(),
         estimators: vec![ProbeEstimator::IlluminationMap],
         samples: 1,
+        batches: 1,
         lift: 1e-3,
         settings: stage.settings(&quick()),
     };

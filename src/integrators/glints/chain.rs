@@ -1,6 +1,6 @@
 //! Chains of specular surfaces that can be followed again.
 
-use crate::bsdf::{Lobe, TransportMode};
+use crate::bsdf::Lobe;
 use crate::integrators::specular::SPLIT_DEPTH;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
@@ -89,8 +89,7 @@ impl Chain {
             // Zero chooses reflection, the largest number refraction.
             let (u, share) =
                 if transmission { (ONE_MINUS_EPSILON, 1.0 - reflected) } else { (0.0, reflected) };
-            let mode = TransportMode::Radiance;
-            let sample = shading.bsdf.sample_lobe(Lobe::Specular, shading.wo_local, u, Vec2::ZERO, mode)?;
+            let sample = shading.sample_lobe(Lobe::Specular, u, Vec2::ZERO)?;
             if sample.transmission != transmission || !(share > 0.0) {
                 return None;
             }

@@ -8,7 +8,7 @@
 //! the mirror: it vanishes as samples become many, and what a mirror shows sharply itself is not touched.
 
 use super::hunt::{Hunter, Lamp};
-use crate::bsdf::{Lobe, TransportMode};
+use crate::bsdf::Lobe;
 use crate::integrators::Scratch;
 use crate::integrators::direct::receiver;
 use crate::integrators::specular::Branch;
@@ -115,8 +115,7 @@ impl Hunter<'_> {
             branch.ray.direction.dot(shading.geometric) * before.ray.direction.dot(shading.geometric) > 0.0;
         let by = self.scene.shading_within(&other, medium);
         let u = if transmission { ONE_MINUS_EPSILON } else { 0.0 };
-        let sample =
-            by.bsdf.sample_lobe(Lobe::Specular, by.wo_local, u, Vec2::ZERO, TransportMode::Radiance)?;
+        let sample = by.sample_lobe(Lobe::Specular, u, Vec2::ZERO)?;
         if sample.transmission != transmission {
             return None;
         }

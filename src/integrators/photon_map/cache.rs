@@ -266,7 +266,8 @@ impl PhotonMapIntegrator<'_> {
         let hemisphere = if lobe.is_some() { Hemisphere::guided(rays) } else { Hemisphere::with_rays(rays) };
         let expected = |local: Vec3| lobe.as_ref().map_or(1.0, |lobe| lobe.over_lambert(axes * local));
         let irradiance = hemisphere.gather(&mut rng, expected, |local, u| {
-            let direction = axes * local;
+            // Light that the shading normal would have from the wrong side of the surface comes from elsewhere.
+            let direction = shading.diffuse_direction(axes * local, u);
             let Some(medium) = self.scene.medium_after(vertex.medium, hit, shading, direction, false) else {
                 return Seen::NOTHING;
             };

@@ -2,7 +2,6 @@
 
 use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
-use crate::bsdf::TransportMode;
 use crate::integrators::direct::{power_heuristic, receiver};
 use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
@@ -258,11 +257,7 @@ impl PhotonMapIntegrator<'_> {
             // whole chain: what a decision leaves of it is uniform again.
             let Some(weight) = chain_roulette(depth, || refreshed(u, depth)) else { return found };
             let probability = shading.bsdf.reflection_probability(shading.wo_local);
-            let Some(sample) =
-                shading.bsdf.sample(shading.wo_local, u, glam::Vec2::ZERO, TransportMode::Radiance)
-            else {
-                return found;
-            };
+            let Some(sample) = shading.sample(u, glam::Vec2::ZERO) else { return found };
             u = if u < probability { u / probability } else { (u - probability) / (1.0 - probability) };
             u = u.clamp(0.0, crate::sampling::ONE_MINUS_EPSILON);
             throughput *= weight;

@@ -2,7 +2,7 @@
 //! section 4.2).
 
 use super::PhotonMapIntegrator;
-use crate::bsdf::{Lobe, TransportMode};
+use crate::bsdf::Lobe;
 use crate::integrators::direct::{DirectLighting, Drawn, receiver};
 use crate::integrators::glints::spread_of;
 use crate::integrators::specular::{Branch, SMALLEST_SHARE, SPLIT_DEPTH, chain_roulette};
@@ -35,9 +35,7 @@ pub(super) fn push_scattered(
         return;
     }
     let mut push = |lobe: Lobe, [x, y, u_lobe, _]: [f32; 4], factor: f32, share: f32, count: u32| {
-        let mode = TransportMode::Radiance;
-        let sample = shading.bsdf.sample_lobe(lobe, shading.wo_local, u_lobe, Vec2::new(x, y), mode);
-        let Some(sample) = sample else { return };
+        let Some(sample) = shading.sample_lobe(lobe, u_lobe, Vec2::new(x, y)) else { return };
         let direction = shading.frame.to_world(sample.wi);
         let after = scene.medium_after(parent.medium, hit, shading, direction, sample.transmission);
         let Some(medium) = after else { return };
@@ -157,8 +155,7 @@ impl PhotonMapIntegrator<'_> {
             return None;
         }
         let (lobe, chosen, rest) = choose(u_lobe, glossy, specular);
-        let mode = TransportMode::Radiance;
-        let sample = shading.bsdf.sample_lobe(lobe, shading.wo_local, rest, Vec2::new(x, y), mode)?;
+        let sample = shading.sample_lobe(lobe, rest, Vec2::new(x, y))?;
         let direction = shading.frame.to_world(sample.wi);
         let medium = self.scene.medium_after(medium, hit, shading, direction, sample.transmission)?;
         let throughput = sample.throughput * (total / chosen / survival);

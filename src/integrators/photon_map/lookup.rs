@@ -1,7 +1,6 @@
 //! Reading the maps at a surface.
 
 use super::PhotonMapSettings;
-use crate::bsdf::{Lobe, TransportMode};
 use crate::integrators::Scratch;
 use crate::math::Rgb;
 use crate::photons::{Estimate, EstimateParams, KernelDomain, PhotonMap, Query, Scratch as PhotonScratch};
@@ -38,9 +37,7 @@ pub(super) fn reflected_estimate(
         let (value, narrower) = (reflected(estimate.value), reflected(estimate.narrower));
         return Estimate { value, narrower, ..estimate };
     }
-    let wo = shading.wo_local;
-    let f =
-        |wi: Vec3| shading.bsdf.eval(Lobe::Diffuse, wo, shading.frame.to_local(wi), TransportMode::Radiance);
+    let f = |wi: Vec3| shading.eval_photon(shading.frame.to_local(wi));
     // Weighing each photon by the BRDF twice costs more than the feelers that it might save.
     let (map, query, params) = (what.0, &Query { faint: 0.0, ..*what.1 }, what.2);
     let estimate = |photons: &mut PhotonScratch, domain: &mut Feel<'_>| {

@@ -152,6 +152,7 @@ pub fn caustic_figure(
                 points: points.collect(),
                 estimators: vec![estimator],
                 samples: 1,
+                batches: 1,
                 lift: 1e-3,
                 settings: Settings { seed, ..Settings::from(&overrides) },
             };

@@ -72,6 +72,7 @@ impl Stage {
             points: points.to_vec(),
             estimators: vec![estimator],
             samples,
+            batches: 1,
             lift: LIFT,
             settings: self.settings(overrides, seed),
         };

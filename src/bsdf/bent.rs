@@ -1,0 +1,235 @@
+//! Scattering where the shading normal is not the geometric one: by interpolation, bumps, or normal maps.
+//!
+//! A BSDF scatters around the shading normal `z`, and some of its directions lie on the wrong side of the surface, whose
+//! geometric normal is `n`. That light is not absorbed; a rule for each lobe sends it elsewhere, by a map of directions that
+//! keeps solid angles, so that what is reflected and transmitted in all is exactly what the BSDF reflects and transmits:
+//!
+//! - **Specular and highly glossy lobes are folded**: a direction on the wrong side of the surface is mirrored about the
+//!   surface, `w - 2 (w.n) n`. The image in a mirror has no seam there. (Keller et al., "The Iray Light Transport
+//!   Simulation and Rendering System", 2017, also bend the direction back to the surface, but to one place just above it, which has no
+//!   adjoint for photons.)
+//! - **The diffuse lobe is turned**: of each direction the share [`Bend::kept`] goes on, and the rest goes to where the
+//!   direction would be if the lobe stood on `n`, turned by the rotation from `z` to `n`. The share is that of Chiang, Li & Burley,
+//!   "Taming the Shadow Terminator" (SIGGRAPH 2019 Talks): one where light comes from high above the surface, falling smoothly to
+//!   zero at its horizon, so that the light on coarse meshes ends without steps. They lose the rest.
+//!
+//! Seen from between the planes of both normals the shading normal faces away, and the geometric one takes its place (the
+//! caller does that).
+//!
+//! Photons follow the adjoint of this, [`Bent::scatter_photon`]: the densities of flux that cross the surface have the geometric
+//! cosine where radiance has that to the shading normal (Veach 1997, section 5.3).
+
+use super::{Bsdf, BsdfSample, Lobe, TransportMode, sides_agree};
+use crate::math::Rgb;
+use crate::sampling::mix;
+use glam::{Vec2, Vec3};
+
+/// The geometric normal where it differs from the shading normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bend {
+    /// In the shading frame, unit length, on the side of `z`.
+    normal: Vec3,
+}
+
+impl Bend {
+    /// Of the geometric `normal` in the shading frame, with `normal.z >= 0`.
+    pub fn new(normal: Vec3) -> Self {
+        Self { normal }
+    }
+
+    /// Whether a direction is on the same side of both normals.
+    #[inline]
+    fn agrees(&self, w: Vec3) -> bool {
+        sides_agree(w, Vec3::Z, self.normal)
+    }
+
+    /// Share of the diffuse light from `w` that the lobe around the shading normal handles: `-g^3 + g^2 + g` for
+    /// `g = (n.w) / ((z.w) (n.z)) < 1`, and one above (Chiang, Li & Burley 2019).
+    #[inline]
+    fn kept(&self, w: Vec3) -> f32 {
+        let cosine = w.dot(self.normal);
+        if !(w.z > 0.0 && cosine > 0.0) {
+            return 0.0;
+        }
+        let g = cosine / (w.z * self.normal.z);
+        if g < 1.0 { g * (1.0 + g * (1.0 - g)) } else { 1.0 }
+    }
+
+    /// Mirrored about the surface.
+    #[inline]
+    fn folded(&self, w: Vec3) -> Vec3 {
+        w - self.normal * (2.0 * w.dot(self.normal))
+    }
+
+    /// Rotated as `z` is to `n`.
+    #[inline]
+    fn turned(&self, w: Vec3) -> Vec3 {
+        self.rotated(w, Vec3::new(-self.normal.y, self.normal.x, 0.0))
+    }
+
+    /// The inverse of [`Self::turned`].
+    #[inline]
+    fn turned_back(&self, w: Vec3) -> Vec3 {
+        self.rotated(w, Vec3::new(self.normal.y, -self.normal.x, 0.0))
+    }
+
+    /// Around `axis`, whose length is the sine of the angle.
+    #[inline]
+    fn rotated(&self, w: Vec3, axis: Vec3) -> Vec3 {
+        let across = axis.cross(w);
+        w + across + axis.cross(across) / (1.0 + self.normal.z)
+    }
+
+    /// Light that a Lambertian lobe reflects of what arrives from `w` (towards the light, shading frame), over the flux that
+    /// arrives at the surface and its reflectance: what the power of a photon is multiplied by there. At most about 1.25 over
+    /// the cosine between the normals.
+    pub fn lambert_share(&self, w: Vec3) -> f32 {
+        let cosine = w.dot(self.normal);
+        if !(cosine > 0.0) {
+            return 0.0;
+        }
+        let kept = self.kept(w);
+        let around_shading = if kept > 0.0 { kept * (w.z / cosine) } else { 0.0 };
+        around_shading + (1.0 - self.kept(self.turned_back(w)))
+    }
+}
+
+/// A BSDF on such a surface, seen from `wo`, which is on the same side of both normals.
+#[derive(Clone, Copy, Debug)]
+pub struct Bent<'a> {
+    /// The model.
+    pub bsdf: &'a Bsdf,
+    /// Towards the previous vertex, shading frame.
+    pub wo: Vec3,
+    /// The geometric normal.
+    pub bend: Bend,
+}
+
+/// A random number from those that drew a direction: a hash, the same in every run.
+fn further(u_lobe: f32, u: Vec2) -> f32 {
+    let bits = |x: f32, y: f32| u64::from(x.to_bits()) << 32 | u64::from(y.to_bits());
+    (mix(mix(bits(u.x, u.y)) ^ bits(u_lobe, 0.0)) >> 40) as f32 / 16_777_216.0
+}
+
+impl Bent<'_> {
+    /// The part of the BSDF in `lobe` times the cosine of `wi`, 1/sr; zero for [`Lobe::Specular`].
+    pub fn eval_with_cosine(&self, lobe: Lobe, wi: Vec3, mode: TransportMode) -> Rgb {
+        self.sum(lobe, wi, Rgb::ZERO, |w| self.bsdf.eval(lobe, self.wo, w, mode) * w.z.abs())
+    }
+
+    /// Density per solid angle, 1/sr, with which [`Self::sample_lobe`] draws `wi`; zero for [`Lobe::Specular`].
+    pub fn pdf_solid_angle(&self, lobe: Lobe, wi: Vec3) -> f32 {
+        self.sum(lobe, wi, 0.0, |w| self.bsdf.pdf_solid_angle(lobe, self.wo, w))
+    }
+
+    /// Sum over the directions around the shading normal that lead to `wi`, each with its share.
+    #[inline]
+    fn sum<T>(&self, lobe: Lobe, wi: Vec3, zero: T, of: impl Fn(Vec3) -> T) -> T
+    where
+        T: std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>,
+    {
+        let Self { wo, bend, .. } = *self;
+        let cosine = wi.dot(bend.normal);
+        let mut sum = zero;
+        match lobe {
+            Lobe::Specular => {}
+            Lobe::Diffuse => {
+                if !(cosine * wo.dot(bend.normal) > 0.0) {
+                    return sum;
+                }
+                let kept = bend.kept(wi);
+                if kept > 0.0 {
+                    sum = sum + of(wi) * kept;
+                }
+                let back = bend.turned_back(wi);
+                let rest = 1.0 - bend.kept(back);
+                if rest > 0.0 {
+                    sum = sum + of(back) * rest;
+                }
+            }
+            Lobe::Glossy => {
+                if bend.agrees(wi) {
+                    sum = sum + of(wi);
+                }
+                let folded = bend.folded(wi);
+                if cosine != 0.0 && folded.z != 0.0 && !bend.agrees(folded) {
+                    sum = sum + of(folded);
+                }
+            }
+        }
+        sum
+    }
+
+    /// As [`Bsdf::sample_lobe`].
+    pub fn sample_lobe(&self, lobe: Lobe, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+        self.moved(self.bsdf.sample_lobe(lobe, self.wo, u_lobe, u, mode)?, further(u_lobe, u))
+    }
+
+    /// As [`Bsdf::sample`].
+    pub fn sample(&self, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+        self.moved(self.bsdf.sample(self.wo, u_lobe, u, mode)?, further(u_lobe, u))
+    }
+
+    /// Where a direction drawn around the shading normal goes, by a random number.
+    fn moved(&self, sample: BsdfSample, u: f32) -> Option<BsdfSample> {
+        let Self { bend, wo, .. } = *self;
+        let wi = match sample.lobe {
+            Lobe::Diffuse => self.diffuse_direction(sample.wi, u),
+            Lobe::Glossy | Lobe::Specular if bend.agrees(sample.wi) => sample.wi,
+            Lobe::Glossy | Lobe::Specular => bend.folded(sample.wi),
+        };
+        let side = wi.dot(bend.normal) * wo.dot(bend.normal);
+        if side == 0.0 || (side < 0.0) != sample.transmission {
+            return None;
+        }
+        let pdf_solid_angle = match sample.lobe {
+            Lobe::Specular => sample.pdf_solid_angle,
+            lobe => self.pdf_solid_angle(lobe, wi),
+        };
+        Some(BsdfSample { wi, pdf_solid_angle, ..sample })
+    }
+
+    /// Where the diffuse lobe sends light for a direction `w` that was drawn around the shading normal, by a random number.
+    #[inline]
+    pub fn diffuse_direction(&self, w: Vec3, u: f32) -> Vec3 {
+        if u < self.bend.kept(w) { w } else { self.bend.turned(w) }
+    }
+
+    /// Directions in which a photon may go on that arrived from `wo`, with flux as throughput: the adjoint of what paths do, term by
+    /// term, of which an estimate takes the sum. Not those between the planes of both normals, from where a path sees the
+    /// geometric normal.
+    pub fn scatter_photon(&self, u_lobe: f32, u: Vec2) -> [Option<BsdfSample>; 3] {
+        let Self { bsdf, wo, bend } = *self;
+        let mode = TransportMode::Flux;
+        let arrived = wo.dot(bend.normal).abs();
+        // `from` is the direction around the shading normal that leads to `wo`, with a share.
+        let leaving = |sample: BsdfSample, from: Vec3, share: f32| {
+            if !bend.agrees(sample.wi) {
+                return None;
+            }
+            let leaves = sample.wi.dot(bend.normal);
+            let cosines = (from.z.abs() / arrived) * (leaves.abs() / sample.wi.z.abs());
+            let throughput = sample.throughput * (share * cosines);
+            let transmission = leaves * wo.dot(bend.normal) < 0.0;
+            (throughput.is_finite() && throughput != Rgb::ZERO).then_some(BsdfSample {
+                throughput,
+                transmission,
+                ..sample
+            })
+        };
+        let straight = bsdf.sample(wo, u_lobe, u, mode).and_then(|sample| {
+            leaving(sample, wo, if sample.lobe == Lobe::Diffuse { bend.kept(wo) } else { 1.0 })
+        });
+        let back = bend.turned_back(wo);
+        let rest = if wo.dot(bend.normal) > 0.0 { 1.0 - bend.kept(back) } else { 0.0 };
+        let turned = (rest > 0.0)
+            .then(|| leaving(bsdf.sample_lobe(Lobe::Diffuse, back, u_lobe, u, mode)?, back, rest))
+            .flatten();
+        let from = bend.folded(wo);
+        let folded = (from.z != 0.0 && !bend.agrees(from))
+            .then(|| bsdf.sample(from, u_lobe, u, mode).filter(|sample| sample.lobe != Lobe::Diffuse))
+            .flatten()
+            .and_then(|sample| leaving(sample, from, 1.0));
+        [straight, turned, folded]
+    }
+}
