@@ -136,7 +136,7 @@ mod tests {
             ("Textures\\Wood.png", &wood, true),
             ("textures/wood.PNG", &wood, false),
             ("C:\\Users\\artist\\Desktop\\wood.png", &wood, false),
-            ("/home/artist/Wood.png", &wood, false),
+            ("/artist/maps/Wood.png", &wood, false),
             ("..\\elsewhere\\two words.png", &folder.join("two words.png"), false),
         ] {
             let found = find_file(folder, Path::new(name));
