@@ -353,7 +353,7 @@ mod tests {
         };
         for (shape, message) in [
             ("type = \"torus\"\nradius = 1\ntube-radius = 2", "radius 2"),
-            ("type = \"box\"\nmin = [0, 0, 0]\nmax = [1, 0, 1]", "no area"),
+            ("type = \"box\"\nmin = [0, 0, 0]\nmax = [1, 0, 1]", "`min` below `max` on every axis"),
             ("type = \"sphere-flake\"\nradius = 1\ndepth = 13", "from 0 to 12"),
             ("type = \"terrain\"\nsize = [1, 0, 1]", "above 0"),
             ("type = \"csg\"\noperation = \"xor\"\noperands = []", "\"union\""),
