@@ -216,8 +216,8 @@ fn a_full_disk_and_a_missing_folder() {
         return;
     };
     let (said, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    // Nothing but what was said: no file, not even a temporary one.
-    assert_eq!(said, "code 1\ncode 1\n", "{said}{error}");
+    // The PNG fits, and is kept. Nothing else is left, not even a temporary file.
+    assert_eq!(said, "code 1\ncode 1\na.png\n", "{said}{error}");
     assert!(error.contains("a.exr") && error.contains("a.photons") && error.contains("pace"), "{error}");
 }
 
