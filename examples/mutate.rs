@@ -283,7 +283,7 @@ fn run_structure(executions: u64, seed: u64, folder: Option<&Path>) -> Result<()
         let alone = if seed == 1 { single(rich, &all, execution) } else { None };
         let value = alone.unwrap_or_else(|| {
             let mut rng = Rng::new(seed, Stream::Measure, execution);
-            let from = if rng.next_u64() % 8 == 0 { &seeds[0] } else { rich };
+            let from = if rng.next_u64().is_multiple_of(8) { &seeds[0] } else { rich };
             several(from.clone(), &mut rng)
         });
         let bytes = serde_json::to_vec(&value)?;

@@ -28,7 +28,7 @@ pub(super) struct Glints<'a> {
 /// What came of looking for glints.
 pub(super) enum GlintHunt<'a> {
     /// All there are.
-    Done(Glints<'a>),
+    Done(Box<Glints<'a>>),
     /// The plan does without.
     Unplanned,
     /// There was no time for all of the picture, so for none of it.
@@ -122,5 +122,5 @@ pub(super) fn find_glints<'a>(
     let rows_met = (rows.y0..).zip(met);
     let met = rows_met.flat_map(|(y, row)| (rows.x0..).zip(row).map(move |(x, value)| ((x, y), value)));
     let meetings = ChanceMeetings::new((width, height), met);
-    GlintHunt::Done(Glints { map: GlintMap::new(found.concat()), hunter, meetings })
+    GlintHunt::Done(Box::new(Glints { map: GlintMap::new(found.concat()), hunter, meetings }))
 }

@@ -208,7 +208,7 @@ pub fn render_with_maps(
     }
     let begun = Instant::now();
     let glints = match find_glints(scene, camera, request, &plan, observer) {
-        GlintHunt::Done(glints) => Some(glints),
+        GlintHunt::Done(glints) => Some(*glints),
         GlintHunt::Unplanned => None,
         GlintHunt::Late => {
             pass_one.warnings.push(GlintHunt::LATE.to_owned());

@@ -148,7 +148,7 @@ pub fn render_in_rounds(
     state.header.statistics.target_error = settings.target_error;
     let mut warnings = Vec::new();
     let glints = match find_glints(scene, camera, request, plan, observer) {
-        GlintHunt::Done(glints) => Some(glints),
+        GlintHunt::Done(glints) => Some(*glints),
         GlintHunt::Unplanned => None,
         GlintHunt::Late => {
             warnings.push(GlintHunt::LATE.to_owned());
