@@ -63,6 +63,8 @@ pub struct Record {
 struct Reach {
     position: Vec3,
     radius: f32,
+    /// Distance of the nearest surface it saw, or its neighbours know of: within that nothing is between it and a place.
+    open: f32,
     normal: Vec3,
     medium: Surroundings,
 }
@@ -84,10 +86,10 @@ impl Reaches {
         Self { settings, overlap, tree: Octree::new(centre, radius * 1.01), all: Vec::new() }
     }
 
-    fn push(&mut self, place: &Place, radius: f32) {
+    fn push(&mut self, place: &Place, radius: f32, open: f32) {
         let Place { position, normal, medium, .. } = *place;
         let index = self.all.len() as u32;
-        self.all.push(Reach { position, radius, normal, medium });
+        self.all.push(Reach { position, radius, open, normal, medium });
         let all = &self.all;
         let sphere_of = |i: u32| (all[i as usize].position, all[i as usize].radius);
         self.tree.insert(index, (position, radius), sphere_of);
@@ -181,13 +183,26 @@ impl IrradianceCache {
     /// Each record is carried to the place by its gradients and weighs less the farther away it is, down to nothing
     /// where its reach ends (a tent over the error of Ward, Rubinstein & Clear 1988, in place of their inverse, which
     /// leans on the nearest record and its noise). Never negative. Records that agree give their value to the bit.
+    ///
+    /// A record that is farther than the nearest surface it saw, as one may be next to a wall, takes part where `connects` knows a
+    /// free way to it (position, normal).
     #[inline]
-    pub fn interpolate(&self, position: Vec3, normal: Vec3, medium: Surroundings) -> Option<Rgb> {
+    pub fn interpolate(
+        &self,
+        position: Vec3,
+        normal: Vec3,
+        medium: Surroundings,
+        connects: impl Fn(Vec3, Vec3) -> bool,
+    ) -> Option<Rgb> {
         let mut first: Option<Rgb> = None;
         let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
         for &index in self.reaches.tree.at(position) {
             let reach = &self.reaches.all[index as usize];
             let Some(error) = self.reaches.relative_error(reach, position, normal, medium) else { continue };
+            let is_open = reach.radius <= reach.open || reach.position.distance(position) <= reach.open;
+            if !is_open && !connects(reach.position, reach.normal) {
+                continue;
+            }
             let weight = 1.0 - error;
             let linear = &self.linears[index as usize];
             let value = linear.value
@@ -200,7 +215,7 @@ impl IrradianceCache {
         first.map(|first| (first + sum / weights).max(Rgb::ZERO))
     }
 
-    fn push(&mut self, record: &Record, radius: f32, harmonic: f32) {
+    fn push(&mut self, record: &Record, radius: f32, (harmonic, nearest): (f32, f32)) {
         let Irradiance { value, shift, tilt, .. } = record.irradiance;
         // Where the reach is not what the distances allow but the least there is, the gradient does not hold so far.
         let tame = (OVERLAP * self.reaches.settings.error * harmonic / radius).min(1.0);
@@ -213,7 +228,7 @@ impl IrradianceCache {
         };
         let limits = Vec3::new(limit(0), limit(1), limit(2));
         let shift = Mat3::from_cols(shift.x_axis * limits, shift.y_axis * limits, shift.z_axis * limits);
-        self.reaches.push(&record.place, radius);
+        self.reaches.push(&record.place, radius, nearest);
         self.linears.push(Linear { value, shift, tilt });
     }
 }
@@ -261,7 +276,7 @@ impl Filling {
             if place.position.is_finite() && !reaches.covers(place.position, place.normal, place.medium) {
                 let harmonic = self.harmonic.least(place.position);
                 let nearest = self.nearest.least(place.position);
-                reaches.push(place, reaches.radius(place, harmonic, nearest));
+                reaches.push(place, reaches.radius(place, harmonic, nearest), nearest);
                 chosen.push(number);
             }
         }
@@ -285,7 +300,8 @@ impl Filling {
         let (harmonic, nearest) = (self.harmonic.clamped(), self.nearest.clamped());
         let mut reaches = Reaches::new(self.reaches.settings, 1.0);
         for (i, record) in self.records.iter().enumerate() {
-            reaches.push(&record.place, reaches.radius(&record.place, harmonic[i], nearest[i]));
+            let radius = reaches.radius(&record.place, harmonic[i], nearest[i]);
+            reaches.push(&record.place, radius, nearest[i]);
         }
         self.reaches = reaches;
     }
@@ -301,7 +317,7 @@ impl Filling {
         let mut cache = IrradianceCache::new(self.reaches.settings);
         for (i, record) in self.records.iter().enumerate() {
             let radius = cache.reaches.radius(&record.place, harmonic[i], nearest[i]);
-            cache.push(record, radius, harmonic[i]);
+            cache.push(record, radius, (harmonic[i], nearest[i]));
         }
         cache
     }
@@ -349,7 +365,7 @@ mod tests {
         let cache = filled(places(2000, 1).map(|p| record(p, value)));
         assert!((20..500).contains(&cache.len()), "{}", cache.len());
         for p in places(1000, 2) {
-            assert_eq!(cache.interpolate(p, Vec3::Z, IN_AIR), Some(value));
+            assert_eq!(cache.interpolate(p, Vec3::Z, IN_AIR, |_, _| true), Some(value));
         }
     }
 
@@ -368,7 +384,7 @@ mod tests {
         let mut worst = (0.0f32, 0.0f32);
         for p in places(1000, 2).filter(|p| p.abs().max_element() < 0.45) {
             let off = |cache: &IrradianceCache| {
-                (cache.interpolate(p, Vec3::Z, IN_AIR).unwrap() - field(p)).abs().max_element()
+                (cache.interpolate(p, Vec3::Z, IN_AIR, |_, _| true).unwrap() - field(p)).abs().max_element()
             };
             worst = (worst.0.max(off(&cache)), worst.1.max(off(&flat)));
         }
@@ -380,7 +396,10 @@ mod tests {
         let cache = filled(std::iter::once(turned));
         let normal = Vec3::new(0.1, 0.05, (1.0f32 - 0.0125).sqrt());
         let want = Rgb::ONE + 0.1 * slopes[0] + 0.05 * slopes[1];
-        assert!((cache.interpolate(Vec3::ZERO, normal, IN_AIR).unwrap() - want).abs().max_element() < 1e-6);
+        assert!(
+            (cache.interpolate(Vec3::ZERO, normal, IN_AIR, |_, _| true).unwrap() - want).abs().max_element()
+                < 1e-6
+        );
     }
 
     #[test]
@@ -389,14 +408,20 @@ mod tests {
         let reach = cache.reaches().next().unwrap().1;
         assert!((reach - 2.0 * 0.1).abs() < 1e-6);
         let near = Vec3::new(0.02, 0.0, 0.0);
-        assert!(cache.interpolate(near, Vec3::Z, IN_AIR).is_some());
-        assert!(cache.interpolate(near, Vec3::NEG_Z, IN_AIR).is_none());
-        assert!(cache.interpolate(near, Vec3::X, IN_AIR).is_none());
-        assert!(cache.interpolate(near, Vec3::Z, Surroundings::of(1)).is_none());
-        assert!(cache.interpolate(near + 0.05 * Vec3::Z, Vec3::Z, IN_AIR).is_none(), "a step above");
-        assert!(cache.interpolate(near - 0.05 * Vec3::Z, Vec3::Z, IN_AIR).is_none(), "a step below");
-        assert!(cache.interpolate(Vec3::X * 0.2, Vec3::Z, IN_AIR).is_none());
-        assert!(cache.interpolate(Vec3::NAN, Vec3::Z, IN_AIR).is_none());
+        assert!(cache.interpolate(near, Vec3::Z, IN_AIR, |_, _| true).is_some());
+        assert!(cache.interpolate(near, Vec3::NEG_Z, IN_AIR, |_, _| true).is_none());
+        assert!(cache.interpolate(near, Vec3::X, IN_AIR, |_, _| true).is_none());
+        assert!(cache.interpolate(near, Vec3::Z, Surroundings::of(1), |_, _| true).is_none());
+        assert!(
+            cache.interpolate(near + 0.05 * Vec3::Z, Vec3::Z, IN_AIR, |_, _| true).is_none(),
+            "a step above"
+        );
+        assert!(
+            cache.interpolate(near - 0.05 * Vec3::Z, Vec3::Z, IN_AIR, |_, _| true).is_none(),
+            "a step below"
+        );
+        assert!(cache.interpolate(Vec3::X * 0.2, Vec3::Z, IN_AIR, |_, _| true).is_none());
+        assert!(cache.interpolate(Vec3::NAN, Vec3::Z, IN_AIR, |_, _| true).is_none());
     }
 
     #[test]
@@ -407,8 +432,14 @@ mod tests {
             record
         };
         let cache = filled(std::iter::once(wall(0.03, Vec3::ZERO)));
-        assert!(cache.interpolate(Vec3::X * 0.029, Vec3::Z, IN_AIR).is_some());
-        assert!(cache.interpolate(Vec3::X * 0.031, Vec3::Z, IN_AIR).is_none());
+        assert!(cache.interpolate(Vec3::X * 0.029, Vec3::Z, IN_AIR, |_, _| true).is_some());
+        assert!(cache.interpolate(Vec3::X * 0.031, Vec3::Z, IN_AIR, |_, _| true).is_none());
+        // Next to a wall records reach half as far as the least, where a free way leads.
+        let cache = filled(std::iter::once(wall(0.001, Vec3::ZERO)));
+        for (x, needs_way) in [(0.0009, false), (0.0011, true), (0.0099, true)] {
+            assert!(cache.interpolate(Vec3::X * x, Vec3::Z, IN_AIR, |_, _| true).is_some());
+            assert_eq!(cache.interpolate(Vec3::X * x, Vec3::Z, IN_AIR, |_, _| false).is_none(), needs_way);
+        }
         // A neighbour that missed the wall learns of it.
         let mut filling = Filling::new(SETTINGS);
         filling.accept([wall(0.03, Vec3::ZERO), wall(f32::INFINITY, Vec3::Y * 0.06)]);
@@ -424,7 +455,7 @@ mod tests {
         steep.irradiance.shift = Mat3::from_cols(Vec3::new(1e6, 1e6, 0.0), Vec3::ZERO, Vec3::ZERO);
         let cache = filled(std::iter::once(steep));
         for x in [-0.13, -0.05, 0.05, 0.13] {
-            let value = cache.interpolate(Vec3::X * x, Vec3::Z, IN_AIR).unwrap();
+            let value = cache.interpolate(Vec3::X * x, Vec3::Z, IN_AIR, |_, _| true).unwrap();
             assert!((0.0..=2.0).contains(&value.x) && value.y == 0.0 && value.z == 1.0, "{value}");
         }
     }

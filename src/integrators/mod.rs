@@ -21,7 +21,7 @@ pub use light_importance::{PhotonBudget, SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{
     CAUSTIC_POINT_REACH, CachePass, CacheRequest, Narrowing, PhotonMapIntegrator, PhotonMapSettings,
-    PhotonMaps, ShowClasses, ShowPhotons, visible_domain,
+    PhotonMaps, Place, ShowClasses, ShowPhotons,
 };
 pub use receiver::{Irradiance, Receiver};
 

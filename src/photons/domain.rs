@@ -71,6 +71,67 @@ fn sector_of(p: Vec2) -> usize {
     ((position * (FEELERS / 4) as f32) as usize).min(FEELERS - 1)
 }
 
+/// What of a disc can be seen from its centre.
+#[derive(Clone, Copy, Debug)]
+pub enum Seen {
+    /// All of it.
+    Whole,
+    /// A part that is worth the name.
+    Part(KernelDomain),
+    /// Next to nothing: what the disc holds belongs to other places.
+    Little,
+}
+
+impl Seen {
+    /// The part, where it is neither all nor next to nothing.
+    pub fn part(&self) -> Option<&KernelDomain> {
+        match self {
+            Self::Part(domain) => Some(domain),
+            Self::Whole | Self::Little => None,
+        }
+    }
+
+    /// How far one can go from the centre in every direction that was felt; infinite where that is the whole disc, or no
+    /// feeler tells.
+    pub fn least_reach(&self) -> f32 {
+        self.part().map_or(f32::INFINITY, KernelDomain::least_reach)
+    }
+}
+
+/// What an estimate can learn of the surfaces around its centre.
+pub trait Sight {
+    /// Which part of the disc of this radius can be seen from the centre.
+    fn feel(&mut self, radius: f32) -> Seen;
+
+    /// Whether there is a free way from the centre to a photon at `position` on a surface that faces along the unit `normal`.
+    fn sees(&mut self, position: Vec3, normal: Vec3) -> bool;
+
+    /// Whether something is so close above the centre that feelers within [`Self::feel`] may have missed what is around.
+    fn is_covered(&self) -> bool;
+
+    /// Distance along the normal to what the centre faces; infinite in the open.
+    fn outlook(&mut self) -> f32;
+}
+
+/// Nothing hides photons but what a domain leaves out.
+impl<F: FnMut(f32) -> Option<KernelDomain>> Sight for F {
+    fn feel(&mut self, radius: f32) -> Seen {
+        self(radius).map_or(Seen::Whole, Seen::Part)
+    }
+
+    fn sees(&mut self, _: Vec3, _: Vec3) -> bool {
+        true
+    }
+
+    fn is_covered(&self) -> bool {
+        false
+    }
+
+    fn outlook(&mut self) -> f32 {
+        f32::INFINITY
+    }
+}
+
 /// The star-shaped part of a disc that feelers reach.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelDomain {
@@ -80,14 +141,12 @@ pub struct KernelDomain {
 }
 
 impl KernelDomain {
-    /// The domain of a disc of `radius` around a point with this unit `normal`, where `reach` tells how far one can go
+    /// What can be seen of a disc of `radius` around a point with this unit `normal`, where `reach` tells how far one can go
     /// in a unit direction of the tangent plane before something stands in the way; `None` for nothing within the length
-    /// that it is given as well, which is somewhat more than the radius.
-    ///
-    /// `None` where the whole disc can be seen, or next to nothing of it.
-    pub fn feel(normal: Vec3, radius: f32, reach: impl Fn(Vec3, f32) -> Option<f32>) -> Option<Self> {
+    /// that it is given as well, [`Self::length_for`] the radius.
+    pub fn feel(normal: Vec3, radius: f32, reach: impl Fn(Vec3, f32) -> Option<f32>) -> Seen {
         let frame = Frame::from_z(normal);
-        let length = STRETCH * radius;
+        let length = Self::length_for(radius);
         let mut domain = Self { frame, radius, reach: [length; FEELERS] };
         let mut free = true;
         let mut feel = |feeler: usize| {
@@ -101,10 +160,18 @@ impl KernelDomain {
         // Every other one first: where all of those are free, what the others could meet is thin.
         let even_are_free = (0..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
         let free = even_are_free || (1..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
-        if free || domain.mean_weight(Kernel::Constant) < SMALLEST_SHARE {
-            return None;
+        if free {
+            Seen::Whole
+        } else if domain.mean_weight(Kernel::Constant) < SMALLEST_SHARE {
+            Seen::Little
+        } else {
+            Seen::Part(domain)
         }
-        Some(domain)
+    }
+
+    /// Length of feelers in a disc of `radius`: somewhat more.
+    pub fn length_for(radius: f32) -> f32 {
+        STRETCH * radius
     }
 
     /// The domain of a smaller disc around the same point, from the same feelers.
@@ -207,9 +274,9 @@ mod tests {
 
     #[test]
     fn a_disc_in_the_open_is_whole() {
-        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| None).is_none());
-        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| Some(2.0)).is_none());
-        assert!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| Some(0.0)).is_none());
+        assert!(matches!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| None), Seen::Whole));
+        assert!(matches!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| Some(2.0)), Seen::Whole));
+        assert!(matches!(KernelDomain::feel(Vec3::Z, 1.0, |_, _| Some(0.0)), Seen::Little));
     }
 
     #[test]
@@ -222,7 +289,8 @@ mod tests {
                     let ahead = Vec2::new(d.dot(frame.x), d.dot(frame.y)).dot(normal);
                     (ahead > 0.0).then(|| distance / ahead).filter(|&found| found <= length)
                 };
-                let domain = KernelDomain::feel(Vec3::Z, 1.0, wall).unwrap();
+                let seen = KernelDomain::feel(Vec3::Z, 1.0, wall);
+                let domain = seen.part().unwrap();
                 let behind = frame.to_world((normal * (distance + 0.009)).extend(0.0));
                 assert!(!domain.contains(behind), "{distance} {normal}");
             }
@@ -233,7 +301,8 @@ mod tests {
     fn nothing_behind_a_wall_is_in_the_domain() {
         let mut rng = Rng::new(1, Stream::Measure, 0);
         for distance in [0.01, 0.3, 0.7, 0.99] {
-            let domain = KernelDomain::feel(Vec3::Z, 1.0, wall(distance)).unwrap();
+            let seen = KernelDomain::feel(Vec3::Z, 1.0, wall(distance));
+            let domain = seen.part().unwrap();
             for _ in 0..10_000 {
                 let p = warp::square_to_disc(rng.next_2d());
                 if domain.contains(p.extend(0.0)) {
@@ -248,7 +317,8 @@ mod tests {
         // The mean of the kernel over the points of a half plane that are in the domain, over its integral, is one.
         for kernel in KERNELS {
             for distance in [0.0f32, 0.1, 0.5, 0.9] {
-                let domain = KernelDomain::feel(Vec3::Z, 1.0, wall(distance)).unwrap();
+                let seen = KernelDomain::feel(Vec3::Z, 1.0, wall(distance));
+                let domain = seen.part().unwrap();
                 let n = 400_000;
                 let mut rng = Rng::new(2, Stream::Measure, 0);
                 let sum: f64 = (0..n)
@@ -265,7 +335,8 @@ mod tests {
     #[test]
     fn a_straight_wall_costs_little_of_what_is_visible() {
         // Share of the disc in front of a wall through its centre: one half; feelers may lose some, not much.
-        let domain = KernelDomain::feel(Vec3::Z, 1.0, wall(1e-3)).unwrap();
+        let seen = KernelDomain::feel(Vec3::Z, 1.0, wall(1e-3));
+        let domain = seen.part().unwrap();
         let share = domain.mean_weight(Kernel::Constant);
         assert!((0.45..=0.501).contains(&share), "{share}");
     }

@@ -1,5 +1,5 @@
-use super::map::{PhotonMap, Query, Scratch};
-use super::{Estimator, Kernel, KernelDomain, differential};
+use super::map::{PhotonMap, Query, Scratch, leaves_surface};
+use super::{Estimator, Kernel, KernelDomain, Seen, Sight, differential};
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -27,6 +27,8 @@ pub struct Estimate {
     /// The same estimate over the disc of [`NARROWER`] of the radius, from the same photons, where [`Query::narrower`] asks
     /// for it; else [`Self::value`]. What both differ by tells the bias.
     pub narrower: Rgb,
+    /// Whether the disc is of this place: more than next to nothing of it can be seen from its centre.
+    pub is_local: bool,
 }
 
 /// Radius of the second estimate over that of the first: half of the area.
@@ -69,22 +71,26 @@ impl PhotonMap {
         params: &EstimateParams,
         scratch: &mut Scratch,
     ) -> Estimate {
-        self.estimate_irradiance_visible(query, params, scratch, |_| None)
+        self.estimate_irradiance_visible(query, params, scratch, &mut |_| None)
     }
 
     /// [`Self::estimate_irradiance`] over a visible kernel.
     ///
-    /// `domain` tells, for the radius that was found, which part of the disc can be seen from its centre; photons
+    /// `sight` tells, for the radius that was found, which part of the disc can be seen from its centre; photons
     /// elsewhere are left out and the kernel is normalised over the rest. The expectation stays exact: given the
     /// radius that the `k`-th photon sets, wherever it lies, the others are spread like the flux.
+    ///
+    /// Photons above or below the surface that the centre lies in count where there is a free way to them. So do all photons where
+    /// there is none to the nearest, where something is right above the centre, or next to nothing of the disc can be seen: so that a
+    /// place in a closed body gets nothing of the photons outside.
     pub fn estimate_irradiance_visible(
         &self,
         query: &Query,
         params: &EstimateParams,
         scratch: &mut Scratch,
-        domain: impl FnOnce(f32) -> Option<KernelDomain>,
+        sight: &mut impl Sight,
     ) -> Estimate {
-        self.estimate(query, params, scratch, domain, |index| self.power(index))
+        self.estimate(query, params, scratch, sight, |index| self.power(index))
     }
 
     /// Radiance that the surface at the query's position reflects towards some `wo`: eq. (3) and (5) of Jensen 1996.
@@ -99,7 +105,7 @@ impl PhotonMap {
         scratch: &mut Scratch,
         brdf: impl FnMut(Vec3) -> Rgb,
     ) -> Estimate {
-        self.estimate_radiance_visible(query, params, scratch, |_| None, brdf)
+        self.estimate_radiance_visible(query, params, scratch, &mut |_| None, brdf)
     }
 
     /// [`Self::estimate_radiance`] over a visible kernel; see [`Self::estimate_irradiance_visible`].
@@ -108,10 +114,10 @@ impl PhotonMap {
         query: &Query,
         params: &EstimateParams,
         scratch: &mut Scratch,
-        domain: impl FnOnce(f32) -> Option<KernelDomain>,
+        sight: &mut impl Sight,
         mut brdf: impl FnMut(Vec3) -> Rgb,
     ) -> Estimate {
-        self.estimate(query, params, scratch, domain, |index| {
+        self.estimate(query, params, scratch, sight, |index| {
             let payload = self.payload(index);
             payload.power() * brdf(payload.wi())
         })
@@ -122,7 +128,7 @@ impl PhotonMap {
         query: &Query,
         params: &EstimateParams,
         scratch: &mut Scratch,
-        domain: impl FnOnce(f32) -> Option<KernelDomain>,
+        sight: &mut impl Sight,
         mut contribution: impl FnMut(usize) -> Rgb,
     ) -> Estimate {
         let corrected = params.estimator == Estimator::Corrected;
@@ -162,10 +168,11 @@ impl PhotonMap {
         if is_part {
             radius = (radius * query.radius_share.max(0.0)).max(least_radius);
         }
+        let nothing =
+            Estimate { value: Rgb::ZERO, photons: 0, radius, at_edge, narrower: Rgb::ZERO, is_local: true };
         if photons == 0 {
-            return Estimate { value: Rgb::ZERO, photons: 0, radius, at_edge, narrower: Rgb::ZERO };
+            return nothing;
         }
-        let nothing = Estimate { value: Rgb::ZERO, photons: 0, radius, at_edge, narrower: Rgb::ZERO };
         let is_cut = at_edge || is_part;
         let is_inside = |distance_squared: f32| !is_cut || distance_squared <= radius * radius;
         if is_part && !found.iter().take(photons).any(|(_, distance_squared)| is_inside(distance_squared)) {
@@ -176,7 +183,16 @@ impl PhotonMap {
             // Flux of 1e30 W at one point exceeds what f32 can hold.
             (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
         };
-        if query.faint > 0.0 && !query.narrower {
+        // At a photon the nearest is that photon.
+        let nearest = found.iter().take(photons).min_by(|a, b| a.1.total_cmp(&b.1));
+        let is_here = |distance_squared: f32| distance_squared <= least_radius * least_radius;
+        let sees = |sight: &mut _, index: usize| {
+            let photon = self.photon(index);
+            Sight::sees(sight, photon.position, photon.normal())
+        };
+        let is_hidden =
+            nearest.is_some_and(|(index, distance)| !is_here(distance) && !sees(&mut *sight, index));
+        if query.faint > 0.0 && !query.narrower && !is_hidden {
             let whole = Disc { radius, domain: None };
             let (mut sum, mut counted) = (DVec3::ZERO, 0);
             for (index, distance_squared) in found.iter().take(photons).filter(|&(_, d)| is_inside(d)) {
@@ -188,13 +204,21 @@ impl PhotonMap {
                 return Estimate { value, photons: counted, narrower: value, ..nothing };
             }
         }
-        let wide = Disc { radius, domain: domain(radius) };
+        let seen = sight.feel(radius);
+        let is_local = !matches!(seen, Seen::Little);
+        let asks_each = is_hidden || !is_local || sight.is_covered();
+        let wide = Disc { radius, domain: seen.part().copied() };
         let narrow = query.narrower.then(|| wide.narrowed());
         let (mut sum, mut narrow_sum) = (DVec3::ZERO, DVec3::ZERO);
         let mut counted = 0;
         for (index, distance_squared) in found.iter().take(photons) {
             let offset = || self.position(index) - query.position;
             if !is_inside(distance_squared) || !wide.contains(offset) {
+                continue;
+            }
+            let is_doubtful =
+                || leaves_surface(distance_squared, offset(), query.normal + self.normal(index));
+            if (asks_each && !is_here(distance_squared) || is_doubtful()) && !sees(&mut *sight, index) {
                 continue;
             }
             counted += 1;
@@ -209,7 +233,7 @@ impl PhotonMap {
         }
         let value = density(sum, &wide);
         let narrower = narrow.map_or(value, |narrow| density(narrow_sum, &narrow));
-        Estimate { value, photons: counted, narrower, ..nothing }
+        Estimate { value, photons: counted, narrower, is_local, ..nothing }
     }
 }
 

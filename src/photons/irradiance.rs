@@ -1,16 +1,38 @@
-use super::domain::KernelDomain;
+use super::domain::{KernelDomain, Seen, Sight};
 use super::estimate::EstimateParams;
-use super::kd_tree::{KdTree, Point};
-use super::map::{MIN_NORMAL_COS, NearestOne, PhotonMap, Query, Scratch, index_of};
-use super::photon::{Acceptance, PhotonClass, PhotonClasses, normal_code};
+use super::kd_tree::{Block, KdTree, Point, Visitor};
+use super::map::{
+    MIN_NORMAL_COS, NO_KEY, NearestOne, PhotonMap, Query, Scratch, distance_squared_of, flattened, index_of,
+    key_of, leaves_surface,
+};
+use super::photon::{Acceptance, PhotonClass, PhotonClasses, decode_normal, normal_code};
 use crate::math::{Rgb, Rgbe};
 use crate::sampling::mix;
+use arrayvec::ArrayVec;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::cell::Cell;
 
 /// Points in a leaf: few, since a search wants one.
 const LEAF: usize = 8;
+
+/// A point answers for places no farther than its neighbour of this number: where points are spread evenly, for all but
+/// `exp(-32)` of those that have no nearer point, and in a corner of three surfaces for all but `exp(-10)`.
+const NEIGHBOURS: usize = 32;
+
+/// Share of the distance to what a point faces beyond which its neighbours lie too far apart to show where direct light ends: over
+/// such lengths shadows change, and the place asks the lights itself.
+const LARGEST_SHARE_OF_OUTLOOK: f32 = 0.25;
+
+/// Share of the photons around a point from which on those of direct light are so many more than the others that where the light
+/// ends, as at the edge of a patch of sun, points within answer for much that is without, where there are few: a place then asks
+/// the lights itself.
+const LARGEST_SHARE_OF_DIRECT: (usize, usize) = (3, 4);
+
+/// Leaves that a search for an answer looks at before it is given up: what is near the place is then not of its surface.
+const MOST_LEAVES: u32 = 64;
+
+/// Points that are asked for one place, nearest first, whether there is a free way to them.
+const MOST_ASKED: usize = 3;
 
 /// Share of the radius of its estimate within which a point answers for places where something is between ([`IrradianceMap::near`]): less
 /// than the estimate itself blurs, and what small things with gaps between them, as beads, need.
@@ -19,13 +41,32 @@ const LEAST_SEEN: f32 = 0.2;
 /// Irradiance at some photons of a map, ready to be read by final gather rays (Christensen, "Faster Photon Map Global
 /// Illumination", Journal of Graphics Tools 4(3), 1999).
 ///
-/// The points have a tree of their own. 23 bytes a point.
+/// The points have a tree of their own. 27 bytes a point.
 #[derive(Clone, Debug)]
 pub struct IrradianceMap {
     tree: KdTree<LEAF>,
-    /// Irradiance, and how far one can go from the point in every direction before something stands in the way, as far
-    /// as feelers told; infinite in the open, and for [`Self::near`] a share of the radius of its estimate.
-    values: Vec<(Rgbe, f32)>,
+    values: Vec<Value>,
+}
+
+/// What is known at a point.
+#[derive(Clone, Copy, Debug)]
+struct Value {
+    irradiance: Rgbe,
+    /// How far one can go from the point in every direction before something stands in the way, as far as feelers told; infinite
+    /// in the open, and for [`IrradianceMap::near`] a share of the radius of its estimate. Zero where the point answers for no
+    /// place. With its sign set where light straight from the lights is left out of the irradiance.
+    felt: f32,
+    /// Distance of the neighbour that ends what the point answers for ([`NEIGHBOURS`]).
+    reach: f32,
+}
+
+/// What a point answers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointIrradiance {
+    /// Irradiance in W m^-2, cosine included.
+    pub irradiance: Rgb,
+    /// Whether light straight from the lights is to be added to that, as it is at the place itself.
+    pub lacks_direct: bool,
 }
 
 /// Bytes of a point in a file: position, irradiance, reach, normal, little-endian.
@@ -39,6 +80,12 @@ pub(super) struct IrradiancePoint {
     reach: f32,
     /// Code of the normal, in the bits where a photon's flags have it.
     normal: u16,
+    /// The irradiance without light straight from the lights, where that is known.
+    reflected: Option<Rgbe>,
+    /// Whether the photon there is one of direct light.
+    is_direct: bool,
+    /// Distance of what the point faces.
+    outlook: f32,
 }
 
 impl Point for IrradiancePoint {
@@ -71,69 +118,58 @@ impl PhotonMap {
         params: &EstimateParams,
         stride: usize,
     ) -> IrradianceMap {
-        self.precompute_irradiance_visible(template, params, stride, |_, _, _| None)
+        let sight = |_, _| |_| None;
+        self.precompute_parts(template, params, (stride, f32::INFINITY), (sight, None), &|| false)
     }
 
-    /// [`Self::precompute_irradiance`] over visible kernels: `domain` tells which part of a disc (position, normal,
-    /// radius) can be seen from its centre.
-    pub fn precompute_irradiance_visible(
-        &self,
-        template: &Query,
-        params: &EstimateParams,
-        stride: usize,
-        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
-    ) -> IrradianceMap {
-        self.precompute_parts(template, params, (stride, f32::INFINITY), (domain, |_, _, _| None), &|| false)
-    }
-
-    /// [`Self::precompute_irradiance_visible`], of light that was reflected before; where `direct` tells the irradiance
-    /// straight from the lights (number of the point, position, normal), with that in place of the photons of that light.
-    /// Where it tells none, photons tell. `None` once `stop` says so, which then must go on saying so.
+    /// [`Self::precompute_irradiance`] over visible kernels: `sight` tells what can be seen from a place with a normal. Where `direct`
+    /// is given, it is of light that was reflected before, and where that tells the irradiance straight from the lights (number of
+    /// the point, position, normal), with that in place of the photons of that light. Where it tells none, photons tell. `None` once
+    /// `stop` says so, which then must go on saying so.
     ///
     /// A point at a photon of direct light then takes no part in its own estimate, and a place's missing photons are
     /// fewer by as much: without bias as well.
-    pub fn precompute_irradiance_until(
+    pub fn precompute_irradiance_until<S: Sight>(
         &self,
         template: &Query,
         params: &EstimateParams,
         stride: usize,
-        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
-        direct: impl Fn(u64, Vec3, Vec3) -> Option<Rgb> + Sync,
+        sight: impl Fn(Vec3, Vec3) -> S + Sync,
+        direct: Option<&DirectLight<'_>>,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<IrradianceMap> {
-        let parts = (domain, direct);
+        let parts = (sight, direct);
         let map = self.precompute_parts(template, params, (stride, f32::INFINITY), parts, stop);
         (!stop()).then_some(map)
     }
 
-    /// [`Self::precompute_irradiance_visible`], for places no farther from a point than this `share` of the radius of its
+    /// Irradiance over visible kernels, for places no farther from a point than this `share` of the radius of its
     /// estimate ([`IrradianceMap::near`]). `None` once `stop` says so, which then must go on saying so.
-    pub fn precompute_irradiance_near(
+    pub fn precompute_irradiance_near<S: Sight>(
         &self,
         template: &Query,
         params: &EstimateParams,
         (stride, share): (usize, f32),
-        domain: impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
+        sight: impl Fn(Vec3, Vec3) -> S + Sync,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Option<IrradianceMap> {
-        let parts = (domain, |_, _, _| None);
-        let map = self.precompute_parts(template, params, (stride, share), parts, stop);
+        let map = self.precompute_parts(template, params, (stride, share), (sight, None), stop);
         (!stop()).then_some(map)
     }
 
-    fn precompute_parts(
+    fn precompute_parts<S: Sight>(
         &self,
         template: &Query,
         params: &EstimateParams,
         (stride, share): (usize, f32),
-        (domain, direct): (
-            impl Fn(Vec3, Vec3, f32) -> Option<KernelDomain> + Sync,
-            impl Fn(u64, Vec3, Vec3) -> Option<Rgb> + Sync,
-        ),
+        (sight, direct): (impl Fn(Vec3, Vec3) -> S + Sync, Option<&DirectLight<'_>>),
         stop: &(dyn Fn() -> bool + Sync),
     ) -> IrradianceMap {
-        let reflected =
-            PhotonClasses::only(PhotonClass::Indirect).and(PhotonClasses::only(PhotonClass::Caustic));
+        // A tree of their own: among the others a search would wade through all that are nearer than the few it wants.
+        let reflected = direct.map(|_| {
+            let indirect = PhotonClasses::only(PhotonClass::Indirect);
+            self.only(indirect.and(PhotonClasses::only(PhotonClass::Caustic)))
+        });
         let stride = stride.max(1);
         let points: Vec<IrradiancePoint> = (0..self.len().div_ceil(stride))
             .into_par_iter()
@@ -142,28 +178,39 @@ impl PhotonMap {
                 let photon = self.photon(i * stride);
                 let normal = photon.normal();
                 if stop() {
-                    let (irradiance, reach) = (Rgbe::default(), 0.0);
-                    return IrradiancePoint { position: photon.position, irradiance, reach, normal: 0 };
+                    return IrradiancePoint {
+                        position: photon.position,
+                        irradiance: Rgbe::default(),
+                        reach: 0.0,
+                        normal: 0,
+                        reflected: None,
+                        is_direct: false,
+                        outlook: 0.0,
+                    };
                 }
-                let by_lights = direct(i as u64, photon.position, normal);
-                let classes = if by_lights.is_some() { reflected } else { template.classes };
-                let query = Query { classes, ..template.at(photon.position, normal) };
-                let reach = Cell::new(f32::INFINITY);
-                let by_photons = self.estimate_irradiance_visible(&query, params, scratch, |radius| {
-                    let domain = domain(photon.position, normal, radius);
-                    reach.set(domain.as_ref().map_or(f32::INFINITY, KernelDomain::least_reach));
-                    domain
-                });
+                let by_lights = direct.and_then(|direct| direct(i as u64, photon.position, normal));
+                let map = reflected.as_ref().filter(|_| by_lights.is_some()).unwrap_or(self);
+                let query = template.at(photon.position, normal);
+                let mut noting = Noting { sight: sight(photon.position, normal), reach: f32::INFINITY };
+                let by_photons = map.estimate_irradiance_visible(&query, params, scratch, &mut noting);
                 let irradiance = by_photons.value + by_lights.unwrap_or(Rgb::ZERO);
-                // Not a number, which counts as infinite, where the share is infinite and the radius zero.
-                let least = if share.is_finite() { LEAST_SEEN * by_photons.radius } else { 0.0 };
-                let reach = reach.get().max(least).min(share * by_photons.radius);
+                let reach = if share.is_finite() {
+                    let least = LEAST_SEEN * by_photons.radius;
+                    noting.reach.max(least).min(share * by_photons.radius)
+                } else if by_photons.is_local {
+                    noting.reach
+                } else {
+                    0.0
+                };
                 let dither = (mix(i as u64) >> 40) as f32 / 16_777_216.0;
                 IrradiancePoint {
                     position: photon.position,
                     irradiance: Rgbe::encode_dithered(irradiance, dither),
                     reach,
                     normal: normal_code(normal),
+                    reflected: by_lights.map(|_| Rgbe::encode_dithered(by_photons.value, dither)),
+                    is_direct: photon.class() == PhotonClass::Direct,
+                    outlook: if share.is_finite() { f32::INFINITY } else { noting.sight.outlook() },
                 }
             })
             .collect();
@@ -171,16 +218,60 @@ impl PhotonMap {
     }
 }
 
+/// Irradiance straight from the lights, by number of the point, position and normal.
+pub type DirectLight<'a> = dyn Fn(u64, Vec3, Vec3) -> Option<Rgb> + Sync + 'a;
+
+/// Takes note of how far was felt.
+struct Noting<S> {
+    sight: S,
+    reach: f32,
+}
+
+impl<S: Sight> Sight for Noting<S> {
+    fn feel(&mut self, radius: f32) -> Seen {
+        let seen = self.sight.feel(radius);
+        self.reach = seen.part().map_or(f32::INFINITY, KernelDomain::least_reach);
+        seen
+    }
+
+    fn sees(&mut self, position: Vec3, normal: Vec3) -> bool {
+        self.sight.sees(position, normal)
+    }
+
+    fn is_covered(&self) -> bool {
+        self.sight.is_covered()
+    }
+
+    fn outlook(&mut self) -> f32 {
+        self.sight.outlook()
+    }
+}
+
 impl IrradianceMap {
     /// The map of these points, in whatever order.
     pub(super) fn of_points(mut points: Vec<IrradiancePoint>) -> Self {
         let tree = KdTree::build(&mut points);
-        Self { tree, values: points.iter().map(|point| (point.irradiance, point.reach)).collect() }
+        let values = points
+            .par_iter()
+            .with_max_len(1024)
+            .map_init(Vec::new, |keys, point| {
+                let reach = spacing(&tree, point.position, keys);
+                let felt = point.reach;
+                let is_sparse = reach > LARGEST_SHARE_OF_OUTLOOK * point.outlook;
+                match point.reflected {
+                    Some(irradiance) if is_sparse || is_mostly_direct(&points, point, keys) => {
+                        Value { irradiance, felt: -felt, reach }
+                    }
+                    _ => Value { irradiance: point.irradiance, felt, reach },
+                }
+            })
+            .collect();
+        Self { tree, values }
     }
 
     /// Point `index`, in the map's own order, as files hold it.
     pub(super) fn record(&self, index: usize) -> [u8; IRRADIANCE_RECORD] {
-        let (irradiance, reach) = self.values[index];
+        let Value { irradiance, felt: reach, .. } = self.values[index];
         let mut bytes = [0; IRRADIANCE_RECORD];
         let coordinates = self.tree.position(index).to_array();
         coordinates
@@ -199,8 +290,16 @@ impl IrradianceMap {
         let position = Vec3::from_array([0, 4, 8].map(|at| f32::from_le_bytes(word(at))));
         let reach = f32::from_le_bytes(word(16));
         let normal = u16::from_le_bytes([bytes[20], bytes[21]]);
-        let is_sound = position.is_finite() && reach >= 0.0;
-        is_sound.then_some(IrradiancePoint { position, irradiance: Rgbe(word(12)), reach, normal })
+        let is_sound = position.is_finite() && !reach.is_nan();
+        is_sound.then_some(IrradiancePoint {
+            position,
+            irradiance: Rgbe(word(12)),
+            reach,
+            normal,
+            reflected: None,
+            is_direct: false,
+            outlook: f32::INFINITY,
+        })
     }
 
     /// Count of points.
@@ -215,41 +314,194 @@ impl IrradianceMap {
 
     /// Bytes that points and search structure take.
     pub fn memory_bytes(&self) -> usize {
-        self.tree.memory_bytes() + self.values.capacity() * size_of::<(Rgbe, f32)>()
+        self.tree.memory_bytes() + self.values.capacity() * size_of::<Value>()
     }
 
     /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit vector
-    /// `normal` ([`MIN_NORMAL_COS`]), within `max_radius`; `None` where that is farther than it answers for.
-    pub fn near(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
+    /// `normal` ([`MIN_NORMAL_COS`]), within `max_radius`; `None` where that is farther than it answers for, or `connects` knows no
+    /// free way to it (position, normal).
+    pub fn near(
+        &self,
+        position: Vec3,
+        normal: Vec3,
+        max_radius: f32,
+        connects: impl Fn(Vec3, Vec3) -> bool,
+    ) -> Option<Rgb> {
         let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
         let mut visitor = NearestOne::new(max_radius, |_, normal, distance_squared, _| {
             acceptance.accepts(normal).then_some(distance_squared)
         });
         self.tree.search(position, &mut visitor);
         let index = index_of(visitor.best()?);
-        let (irradiance, reach) = self.values[index];
+        let Value { irradiance, felt: reach, .. } = self.values[index];
         let reaches = self.tree.position(index).distance_squared(position) <= reach * reach;
-        reaches.then(|| irradiance.decode())
+        (reaches && self.connects(index, connects)).then(|| irradiance.decode())
     }
 
     /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit
-    /// vector `normal` ([`MIN_NORMAL_COS`]) and which nothing separates from there: a point at the foot of a wall does not
-    /// answer for what lies behind the wall. Where all are so close to something, the nearest. `None` where there is
-    /// none within `max_radius`.
-    pub fn nearest(&self, position: Vec3, normal: Vec3, max_radius: f32) -> Option<Rgb> {
-        let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
-        let search = |is_open: &dyn Fn(usize, f32) -> bool| {
-            let mut visitor = NearestOne::new(max_radius, |index: usize, normal, distance_squared, _| {
-                (acceptance.accepts(normal) && is_open(index, distance_squared)).then_some(distance_squared)
-            });
-            self.tree.search(position, &mut visitor);
-            visitor.best().map(|key| self.values[index_of(key)].0.decode())
-        };
-        search(&|index, distance_squared| {
-            let reach = self.values[index].1;
-            distance_squared <= reach * reach
-        })
-        .or_else(|| search(&|_, _| true))
+    /// vector `normal` ([`MIN_NORMAL_COS`]) and which answers for that place; `None` where there is none within `max_radius`.
+    ///
+    /// A point answers for places of its own surface no farther than its neighbours lie (those above or below it count as
+    /// farther, as in [`super::SearchRegion::Disc`]) to which `connects` knows a free way (position and normal of the point).
+    /// Where some of those points felt nothing between them and the place, the nearest of these: a point at the foot of a wall
+    /// does not answer for what lies behind the wall.
+    pub fn nearest(
+        &self,
+        (position, normal): (Vec3, Vec3),
+        max_radius: f32,
+        connects: impl Fn(Vec3, Vec3) -> bool,
+    ) -> Option<PointIrradiance> {
+        let mut refused = ArrayVec::<usize, MOST_ASKED>::new();
+        while !refused.is_full() {
+            let mut answering = Answering {
+                map: self,
+                refused: &refused,
+                place: (position, normal),
+                acceptance: Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL),
+                open: NO_KEY,
+                any: NO_KEY,
+                bound: if max_radius >= 0.0 { max_radius * max_radius } else { -1.0 },
+                leaves: MOST_LEAVES,
+            };
+            self.tree.search(position, &mut answering);
+            let index = index_of(answering.best()?);
+            let Value { irradiance, felt, .. } = self.values[index];
+            if self.connects(index, &connects) {
+                return Some(PointIrradiance {
+                    irradiance: irradiance.decode(),
+                    lacks_direct: felt.is_sign_negative(),
+                });
+            }
+            refused.push(index);
+        }
+        None
+    }
+
+    fn connects(&self, index: usize, connects: impl Fn(Vec3, Vec3) -> bool) -> bool {
+        connects(self.tree.position(index), decode_normal(self.tree.tag(index)))
+    }
+}
+
+/// Finds the nearest point that answers for a place.
+struct Answering<'a> {
+    map: &'a IrradianceMap,
+    refused: &'a [usize],
+    place: (Vec3, Vec3),
+    acceptance: Acceptance,
+    /// Key of the nearest point that felt nothing up to the place.
+    open: u64,
+    /// Key of the nearest point.
+    any: u64,
+    bound: f32,
+    leaves: u32,
+}
+
+impl Answering<'_> {
+    fn best(&self) -> Option<u64> {
+        [self.open, self.any].into_iter().find(|&key| key != NO_KEY)
+    }
+}
+
+impl Visitor<LEAF> for Answering<'_> {
+    #[inline]
+    fn bound(&self) -> f32 {
+        self.bound
+    }
+
+    #[inline]
+    fn wants(&self, normals: u32) -> bool {
+        self.acceptance.may_accept(normals)
+    }
+
+    #[inline]
+    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], block: &Block<LEAF>) {
+        for (lane, &distance_squared) in distances_squared.iter().enumerate() {
+            let key = key_of(first + lane as u32, distance_squared);
+            // Ties go to the lower index.
+            if !(distance_squared <= self.bound && key < self.open) {
+                continue;
+            }
+            let index = index_of(key);
+            let (accepts, normals) = self.acceptance.judge(block.tag(lane));
+            if !accepts || self.refused.contains(&index) {
+                continue;
+            }
+            let Value { felt, reach, .. } = self.map.values[index];
+            let v = block.position(lane) - self.place.0;
+            if !(felt != 0.0 && flattened(distance_squared, v, normals) <= reach * reach) {
+                continue;
+            }
+            self.any = self.any.min(key);
+            if distance_squared <= felt * felt {
+                self.open = key;
+                self.bound = distance_squared;
+            }
+        }
+        self.leaves -= 1;
+        if self.leaves == 0 {
+            self.bound = -1.0;
+        }
+    }
+}
+
+/// Whether so many of the neighbours with these keys on the surface of a point are photons of direct light that it leaves that
+/// light to the places it answers for ([`LARGEST_SHARE_OF_DIRECT`]).
+fn is_mostly_direct(points: &[IrradiancePoint], point: &IrradiancePoint, keys: &[u64]) -> bool {
+    let normal = decode_normal(point.normal);
+    let (mut all, mut direct) = (0, 0);
+    for &key in keys {
+        let other = &points[index_of(key)];
+        let facing = decode_normal(other.normal);
+        let v = other.position - point.position;
+        if normal.dot(facing) >= MIN_NORMAL_COS && !leaves_surface(v.length_squared(), v, normal + facing) {
+            all += 1;
+            direct += usize::from(other.is_direct);
+        }
+    }
+    let (share, of) = LARGEST_SHARE_OF_DIRECT;
+    of * direct > share * all
+}
+
+/// Distance of the neighbour of a point that has the number [`NEIGHBOURS`]; zero where there are fewer, which tell nothing of how
+/// close they lie. Leaves the keys of the neighbours and of the point itself.
+fn spacing(tree: &KdTree<LEAF>, position: Vec3, keys: &mut Vec<u64>) -> f32 {
+    keys.clear();
+    let mut visitor = Farthest { keys, bound: f32::INFINITY };
+    tree.search(position, &mut visitor);
+    visitor.shrink();
+    if visitor.bound.is_finite() { visitor.bound.sqrt() } else { 0.0 }
+}
+
+/// Keeps the nearest: as many neighbours as are wanted, and the point itself.
+struct Farthest<'a> {
+    keys: &'a mut Vec<u64>,
+    bound: f32,
+}
+
+impl Farthest<'_> {
+    fn shrink(&mut self) {
+        if self.keys.len() > NEIGHBOURS {
+            let (_, &mut kth, _) = self.keys.select_nth_unstable(NEIGHBOURS);
+            self.bound = distance_squared_of(kth);
+            self.keys.truncate(NEIGHBOURS + 1);
+        }
+    }
+}
+
+impl Visitor<LEAF> for Farthest<'_> {
+    #[inline]
+    fn bound(&self) -> f32 {
+        self.bound
+    }
+
+    #[inline]
+    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], _: &Block<LEAF>) {
+        let bound = self.bound;
+        let near = (first..).zip(distances_squared).filter(|&(_, &squared)| squared <= bound);
+        self.keys.extend(near.map(|(index, &squared)| key_of(index, squared)));
+        if self.keys.len() > 2 * NEIGHBOURS {
+            self.shrink();
+        }
     }
 }
 
@@ -284,8 +536,8 @@ mod tests {
                 let mut rng = Rng::new(seed, Stream::Measure, 1 << 40);
                 for _ in 0..5000 {
                     let u = rng.next_2d() * 0.7 + 0.15;
-                    let found = irradiance.nearest(Vec3::new(u.x, 0.01, u.y), Vec3::Y, 1.0);
-                    sum += f64::from(found.unwrap().y);
+                    let found = irradiance.nearest((Vec3::new(u.x, 0.001, u.y), Vec3::Y), 1.0, |_, _| true);
+                    sum += f64::from(found.unwrap().irradiance.y);
                     count += 1;
                 }
             }
@@ -310,13 +562,20 @@ mod tests {
             let map = PhotonMap::build(photons.collect(), 20_000);
             // Nothing is told of one corner, where photons of both kinds serve.
             let direct = |_, at: Vec3, _| (at.x + at.z > 0.8).then_some(Rgb::splat(0.25));
+            let sight = |_, _| |_| None;
             let irradiance = map
-                .precompute_irradiance_until(&template(50), &params, 4, |_, _, _| None, direct, &|| false)
+                .precompute_irradiance_until(&template(50), &params, 4, sight, Some(&direct), &|| false)
                 .unwrap();
             let mut rng = Rng::new(seed, Stream::Measure, 1 << 40);
             for _ in 0..5000 {
                 let u = rng.next_2d() * 0.7 + 0.15;
-                sum += f64::from(irradiance.nearest(Vec3::new(u.x, 0.01, u.y), Vec3::Y, 1.0).unwrap().y);
+                sum += f64::from(
+                    irradiance
+                        .nearest((Vec3::new(u.x, 0.001, u.y), Vec3::Y), 1.0, |_, _| true)
+                        .unwrap()
+                        .irradiance
+                        .y,
+                );
                 count += 1;
             }
         }
@@ -331,7 +590,7 @@ mod tests {
         let map = square(20_000, 3);
         let share = 0.4;
         let points = map
-            .precompute_irradiance_near(&template(50), &params, (4, share), |_, _, _| None, &|| false)
+            .precompute_irradiance_near(&template(50), &params, (4, share), |_, _| |_| None, &|| false)
             .unwrap();
         // Estimates reach 0.028, so that points answer within 0.011.
         let places: Vec<Vec3> = (0..5000)
@@ -342,7 +601,9 @@ mod tests {
             .collect();
         let told: Vec<f64> = places
             .iter()
-            .filter_map(|at| points.near(*at, Vec3::Y, 1.0).map(|irradiance| f64::from(irradiance.y)))
+            .filter_map(|at| {
+                points.near(*at, Vec3::Y, 1.0, |_, _| true).map(|irradiance| f64::from(irradiance.y))
+            })
             .collect();
         let mean = told.iter().sum::<f64>() / told.len() as f64 / 0.5;
         println!("{} of {} told, mean {mean}", told.len(), places.len());
@@ -351,8 +612,8 @@ mod tests {
         let share = told.len() as f64 / places.len() as f64;
         assert!((0.8..0.92).contains(&share), "{share}");
         let beside = Vec3::new(0.5, 0.0, -0.02);
-        assert_eq!(points.near(beside, Vec3::Y, 1.0), None, "beyond the reach of every point");
-        assert_eq!(points.near(places[0], Vec3::X, 1.0), None, "on a wall");
+        assert_eq!(points.near(beside, Vec3::Y, 1.0, |_, _| true), None, "beyond the reach of every point");
+        assert_eq!(points.near(places[0], Vec3::X, 1.0, |_, _| true), None, "on a wall");
     }
 
     #[test]
@@ -365,7 +626,9 @@ mod tests {
         for photon in map.photons() {
             let query = template(100).at(photon.position, Vec3::Y);
             let a = f64::from(map.estimate_irradiance(&query, &params, &mut scratch).value.x);
-            let b = f64::from(irradiance.nearest(photon.position, Vec3::Y, 1.0).unwrap().x);
+            let b = f64::from(
+                irradiance.nearest((photon.position, Vec3::Y), 1.0, |_, _| true).unwrap().irradiance.x,
+            );
             exact += a;
             stored += b;
             square += (b / a - 1.0).powi(2);
@@ -380,15 +643,76 @@ mod tests {
     fn sides_and_reach() {
         let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
         let irradiance = square(1000, 0).precompute_irradiance(&template(50), &params, 1);
-        let above = Vec3::new(0.5, 0.2, 0.5);
-        assert!(irradiance.nearest(above, Vec3::Y, f32::INFINITY).is_some());
-        assert!(irradiance.nearest(above, Vec3::NEG_Y, f32::INFINITY).is_none());
-        assert!(irradiance.nearest(above, Vec3::X, f32::INFINITY).is_none());
-        assert!(irradiance.nearest(above, Vec3::Y, 0.1).is_none());
-        assert!(irradiance.nearest(above, Vec3::Y, -1.0).is_none());
-        assert!(irradiance.nearest(Vec3::NAN, Vec3::Y, 1.0).is_none());
-        assert!(irradiance.memory_bytes() < 24 * irradiance.len());
+        let nearest =
+            |at: Vec3, normal: Vec3, radius: f32| irradiance.nearest((at, normal), radius, |_, _| true);
+        let on = Vec3::new(0.5, 0.0, 0.5);
+        assert!(nearest(on, Vec3::Y, f32::INFINITY).is_some());
+        assert!(nearest(on, Vec3::NEG_Y, f32::INFINITY).is_none());
+        assert!(nearest(on, Vec3::X, f32::INFINITY).is_none());
+        assert!(nearest(on, Vec3::Y, 1e-6).is_none());
+        assert!(nearest(on, Vec3::Y, -1.0).is_none());
+        assert!(nearest(Vec3::NAN, Vec3::Y, 1.0).is_none());
+        // Neighbours number 32 within 0.1; what is off the surface counts as four times as far.
+        assert!(nearest(Vec3::new(0.5, 0.0, -0.08), Vec3::Y, 1.0).is_some(), "beside");
+        assert!(nearest(Vec3::new(0.5, 0.0, -0.3), Vec3::Y, 1.0).is_none(), "far beside");
+        assert!(nearest(Vec3::new(0.5, 0.06, 0.5), Vec3::Y, 1.0).is_none(), "above");
+        assert!(nearest(Vec3::new(0.5, -0.06, 0.5), Vec3::Y, 1.0).is_none(), "below");
+        assert!(irradiance.memory_bytes() < 28 * irradiance.len());
         let none = PhotonMap::build(Vec::new(), 0).precompute_irradiance(&template(50), &params, 0);
-        assert!(none.is_empty() && none.nearest(above, Vec3::Y, 1.0).is_none());
+        assert!(none.is_empty() && none.nearest((on, Vec3::Y), 1.0, |_, _| true).is_none());
+        let few = square(32, 0).precompute_irradiance(&template(50), &params, 1);
+        assert!(
+            few.nearest((on, Vec3::Y), 1.0, |_, _| true).is_none(),
+            "of 32 points none has 32 neighbours"
+        );
+    }
+
+    #[test]
+    fn points_without_a_free_way_give_no_answer() {
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        let irradiance = square(1000, 0).precompute_irradiance(&template(50), &params, 1);
+        // A wall in the plane x = 0.5.
+        let mut rng = Rng::new(5, Stream::Measure, 0);
+        for _ in 0..1000 {
+            let at = Vec3::new(rng.next_f32(), 0.0, rng.next_f32());
+            let same_side = |point: Vec3, _: Vec3| (point.x < 0.5) == (at.x < 0.5);
+            // Next to the wall the nearest may all be on the other side.
+            let near_wall = (at.x - 0.5).abs() < 0.05;
+            assert!(near_wall || irradiance.nearest((at, Vec3::Y), 1.0, same_side).is_some(), "{at}");
+            assert!(irradiance.nearest((at, Vec3::Y), 1.0, |_, _| false).is_none());
+        }
+    }
+
+    #[test]
+    fn places_among_points_of_other_surfaces_are_given_up_quickly() {
+        // A far point that would answer must not be waded to through all that do not.
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        let irradiance = square(50_000, 0).precompute_irradiance(&template(50), &params, 1);
+        for height in [0.02, 0.1, 0.5] {
+            assert!(irradiance.nearest((Vec3::new(0.5, height, 0.5), Vec3::Y), 1.0, |_, _| true).is_none());
+        }
+    }
+
+    #[test]
+    fn photons_of_direct_light_are_not_searched_where_it_is_known() {
+        // Direct photons alone: an estimate of reflected light among them would look at each.
+        let photons = square(20_000, 1);
+        let direct: Vec<Photon> = photons
+            .photons()
+            .map(|photon| {
+                Photon::new(photon.position, photon.power(), Vec3::Y, Vec3::Y, PhotonClass::Direct, 0.0)
+            })
+            .collect();
+        let map = PhotonMap::build(direct, 20_000);
+        let known = |_: u64, _: Vec3, _: Vec3| Some(Rgb::splat(0.25));
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        let sight = |_, _| |_| None;
+        let irradiance = map
+            .precompute_irradiance_until(&template(50), &params, 4, sight, Some(&known), &|| false)
+            .unwrap();
+        let found = irradiance.nearest((Vec3::new(0.5, 0.0, 0.5), Vec3::Y), 1.0, |_, _| true).unwrap();
+        assert!(found.lacks_direct && found.irradiance == Rgb::ZERO, "{found:?}");
+        assert!(map.only(PhotonClasses::only(PhotonClass::Indirect)).is_empty());
+        assert_eq!(map.only(PhotonClasses::only(PhotonClass::Direct)).len(), 20_000);
     }
 }

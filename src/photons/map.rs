@@ -26,7 +26,7 @@ const IN_SURFACE: f32 = 0.1;
 /// distance. The result is `|v|^2` for what is in the surface, so that the area searched is that of the sphere, which
 /// is `pi r^2` on planes and on spheres (a cap of chord `r`) and larger by `r^2 / 32 R^2` on cylinders.
 #[inline]
-fn flattened(distance_squared: f32, v: Vec3, normals: Vec3) -> f32 {
+pub(super) fn flattened(distance_squared: f32, v: Vec3, normals: Vec3) -> f32 {
     let (along, scale) = (v.dot(normals), normals.length_squared());
     let allowed = IN_SURFACE * IN_SURFACE * distance_squared;
     // Nearly always, and without a division.
@@ -35,6 +35,14 @@ fn flattened(distance_squared: f32, v: Vec3, normals: Vec3) -> f32 {
     }
     let outside = (along * along / scale - allowed).max(0.0);
     distance_squared + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * outside
+}
+
+/// Whether a photon, which `v` leads to, lies outside of the surface of the query rather than in it, curved or plane: what
+/// [`flattened`] orders later than its distance.
+#[inline]
+pub(super) fn leaves_surface(distance_squared: f32, v: Vec3, normals: Vec3) -> bool {
+    let along = v.dot(normals);
+    along * along > IN_SURFACE * IN_SURFACE * distance_squared * normals.length_squared()
 }
 
 /// Least cosine between the normals of a photon and of the place that is looked up: 45 degrees, as for the brick maps
@@ -153,7 +161,7 @@ impl<'a> Neighbours<'a> {
 }
 
 #[inline]
-fn key_of(index: u32, distance_squared: f32) -> u64 {
+pub(super) fn key_of(index: u32, distance_squared: f32) -> u64 {
     u64::from(distance_squared.to_bits()) << 32 | u64::from(index)
 }
 
@@ -163,7 +171,7 @@ pub(super) fn index_of(key: u64) -> usize {
 }
 
 #[inline]
-fn distance_squared_of(key: u64) -> f32 {
+pub(super) fn distance_squared_of(key: u64) -> f32 {
     f32::from_bits((key >> 32) as u32)
 }
 
@@ -226,6 +234,15 @@ impl PhotonMap {
         let payloads = photons.par_iter().with_min_len(4096).map(Photon::payload).collect();
         let bounds = tree.bounds();
         Self { tree, payloads, bounds, emitted, dropped }
+    }
+
+    /// The map of the photons of these classes, as estimates of theirs alone find faster in it.
+    ///
+    /// Estimates that ask for these classes alone are the same here but for the order of their sums.
+    #[must_use]
+    pub fn only(&self, classes: PhotonClasses) -> Self {
+        let photons = self.photons().filter(|photon| classes.contains(photon.class())).collect();
+        Self::build(photons, self.emitted)
     }
 
     /// The map of the photons of all `maps`, whose passes emitted the sum of their counts.
@@ -305,6 +322,11 @@ impl PhotonMap {
     #[inline]
     pub(super) fn position(&self, index: usize) -> Vec3 {
         self.tree.position(index)
+    }
+
+    #[inline]
+    pub(super) fn normal(&self, index: usize) -> Vec3 {
+        super::photon::decode_normal(self.tree.tag(index))
     }
 
     pub(super) fn power(&self, index: usize) -> Rgb {
@@ -500,7 +522,7 @@ pub(super) struct NearestOne<F> {
 }
 
 /// No point has this key: its distance is not a number.
-const NO_KEY: u64 = u64::MAX;
+pub(super) const NO_KEY: u64 = u64::MAX;
 
 impl<F> NearestOne<F> {
     /// Looks within `max_radius`, of which a negative one contains nothing, for what `measure` accepts: by index, tag,

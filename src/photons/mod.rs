@@ -24,7 +24,7 @@ mod shadow_decision;
 mod sources;
 mod trace;
 
-pub use domain::{FEELERS, KernelDomain};
+pub use domain::{FEELERS, KernelDomain, Seen, Sight};
 pub use emission::{EmittedPhoton, Emitter};
 pub use estimate::{Estimate, EstimateParams, NARROWER};
 pub use file::{
@@ -33,7 +33,7 @@ pub use file::{
 };
 pub use guide::{DirectionGuide, GuideLobe, GuideParams, LocalGuide};
 pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_deposits};
-pub use irradiance::IrradianceMap;
+pub use irradiance::{DirectLight, IrradianceMap, PointIrradiance};
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use pass::{

@@ -9,12 +9,11 @@ use super::stats::{
 };
 use crate::camera::Camera;
 use crate::integrators::{
-    CAUSTIC_POINT_REACH, DirectAt, PhotonBudget, PhotonMapSettings, PhotonMaps, light_importance,
-    visible_domain,
+    CAUSTIC_POINT_REACH, DirectAt, PhotonBudget, PhotonMapSettings, PhotonMaps, Place, light_importance,
 };
 use crate::lights::LightId;
 use crate::photons::{
-    Deposit, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
+    Deposit, DirectLight, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
     PhotonClasses, PhotonMap, PhotonTally, PhotonsFor, TraceSettings, TracedPhotons, build_shadow_maps,
     split_deposits, trace_photons_for,
 };
@@ -280,17 +279,15 @@ impl MapBuilder<'_> {
                 let template = reading.global_query(Vec3::ZERO, Vec3::Z);
                 let direct =
                     plan.direct_at_points.build.then(|| DirectAt::new(self.scene, self.settings.seed));
+                let irradiance =
+                    direct.map(|direct| move |number, at, normal| direct.irradiance(number, at, normal));
+                let by_lights = irradiance.as_ref().map(|irradiance| irradiance as &DirectLight<'_>);
                 self.pass.maps.irradiance = Some(map.precompute_irradiance_until(
                     &template,
                     &reading.global,
                     IRRADIANCE_STRIDE,
-                    |at, normal, radius| {
-                        reading
-                            .visible_kernel
-                            .then(|| visible_domain(self.scene, at, normal, radius))
-                            .flatten()
-                    },
-                    |number, at, normal| direct.as_ref()?.irradiance(number, at, normal),
+                    |at, normal| Place::new(self.scene, at, normal, reading.visible_kernel),
+                    by_lights,
                     &|| self.observer.is_cancelled(),
                 )?);
                 self.pass.seconds_irradiance = begun.elapsed().as_secs_f64();
@@ -320,12 +317,7 @@ impl MapBuilder<'_> {
                     &template,
                     &reading.caustic,
                     (IRRADIANCE_STRIDE, CAUSTIC_POINT_REACH),
-                    |at, normal, radius| {
-                        reading
-                            .visible_kernel
-                            .then(|| visible_domain(self.scene, at, normal, radius))
-                            .flatten()
-                    },
+                    |at, normal| Place::new(self.scene, at, normal, reading.visible_kernel),
                     &|| self.observer.is_cancelled(),
                 )?;
                 self.pass.maps.caustic_irradiance = Some(points);

@@ -14,7 +14,7 @@ const MAP_BYTES: f64 = 20.25;
 const BUILD_BYTES: f64 = 40.5;
 
 /// Bytes of precomputed irradiance for each photon of a map.
-const IRRADIANCE_BYTES: f64 = 23.0 / super::maps::IRRADIANCE_STRIDE as f64;
+const IRRADIANCE_BYTES: f64 = 27.0 / super::maps::IRRADIANCE_STRIDE as f64;
 
 /// A tree counts its points in 32 bits; with room for the 10 % by which photons may exceed what was asked for.
 const MOST_PHOTONS: u64 = 3_900_000_000;

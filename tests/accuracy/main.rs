@@ -31,6 +31,7 @@ mod progressive;
 mod projection;
 mod refraction;
 mod robust_rays;
+mod rooms;
 mod shading_normals;
 mod shadow_photons;
 mod support;

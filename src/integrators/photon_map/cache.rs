@@ -223,7 +223,8 @@ impl PhotonMapIntegrator<'_> {
         let cache = self.cache.as_ref()?;
         let lambert = vertex.shading.bsdf.lambertian()?;
         let (position, normal) = (vertex.hit.point.position, vertex.shading.frame.z);
-        let found = cache.interpolate(position, normal, vertex.medium);
+        let connects = |place, facing| self.scene.connects(vertex.hit, place, facing);
+        let found = cache.interpolate(position, normal, vertex.medium, connects);
         match found {
             Some(_) => scratch.counters.cache_hits += 1,
             None => scratch.counters.cache_misses += 1,

@@ -298,7 +298,7 @@ impl PhotonMapIntegrator<'_> {
             scratch.counters.accurate_close += 1;
             return self.accurate(landed, u, scratch);
         }
-        if let Some(radiance) = self.approximate(hit, shading, scratch) {
+        if let Some(radiance) = self.approximate(&landed.vertex, u, scratch) {
             scratch.counters.approximate_diffuse += 1;
             return radiance;
         }
@@ -319,8 +319,9 @@ impl PhotonMapIntegrator<'_> {
 
     /// Whether a surface is so close that the blur of the map would show, and carries enough for that to matter.
     fn is_too_close(&self, landed: &Landed<'_>) -> bool {
-        let matters = landed.vertex.weight >= self.settings.approximate_weight;
-        landed.distance < self.settings.accurate_distance && landed.recursion < CLOSE_RECURSIONS && matters
+        landed.distance < self.settings.accurate_distance
+            && landed.recursion < CLOSE_RECURSIONS
+            && landed.vertex.weight >= self.settings.approximate_weight
     }
 
     /// The four integrals where the map is read with probability `read_share` and now is not. And an estimate of the bias
@@ -330,7 +331,7 @@ impl PhotonMapIntegrator<'_> {
     /// probability q as well, a = albedo (q b + (1 - q) a), so that the mean is off by
     /// q b + (1 - q) a = q (b - a) / (1 - albedo), and b - a is the difference of the two.
     fn compared(&self, read_share: f32, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> (Rgb, Rgb) {
-        let Vertex { hit, shading, .. } = landed.vertex;
+        let shading = landed.vertex.shading;
         scratch.counters.accurate_drawn += 1;
         let radiance = self.accurate(landed, u, scratch);
         // Where no map is read either way, none brings bias.
@@ -340,7 +341,7 @@ impl PhotonMapIntegrator<'_> {
         if refreshed(u, COMPARE_OR_NOT) >= COMPARED_SHARE {
             return (radiance, Rgb::ZERO);
         }
-        let Some(read) = self.approximate(hit, shading, scratch) else {
+        let Some(read) = self.approximate(&landed.vertex, u, scratch) else {
             return (radiance, Rgb::ZERO);
         };
         let albedo = shading.bsdf.albedo(shading.wo_local).max_element();
@@ -356,10 +357,7 @@ impl PhotonMapIntegrator<'_> {
         if *survival < 1.0 && refreshed(u, GO_ON_OR_NOT) >= *survival {
             return Rgb::ZERO;
         }
-        let p = at.hit.point.position;
-        let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
-        let key = mix(mix(bits(p.x, p.y)) ^ bits(p.z, u));
-        let mut samples = SampleStream::new(key, u64::from(*recursion), 0);
+        let mut samples = SampleStream::new(key_of(at.hit, u), u64::from(*recursion), 0);
         let directions = self.directions(at, scratch);
         let direct = self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch);
         let point = [samples.splits(1).get_4d(0)].into_iter();
@@ -368,13 +366,10 @@ impl PhotonMapIntegrator<'_> {
         (other + self.caustics_behind(at, other, scratch)) / *survival
     }
 
-    /// Radiance of a diffuse surface read from the global map; `None` where that rests on too few photons.
-    pub(super) fn approximate(
-        &self,
-        hit: &SurfaceInteraction,
-        shading: &Shading,
-        scratch: &mut Scratch,
-    ) -> Option<Rgb> {
+    /// Radiance of a diffuse surface read from the global map; `None` where that rests on too few photons. Random
+    /// numbers, where the lights are asked as well, follow from the place and `u`.
+    pub(super) fn approximate(&self, at: &Vertex<'_>, u: f32, scratch: &mut Scratch) -> Option<Rgb> {
+        let Vertex { hit, shading, .. } = *at;
         if let Some(radiance) = self.summed_up(hit, shading, IlluminationMaps::all, scratch) {
             return Some(radiance);
         }
@@ -382,13 +377,28 @@ impl PhotonMapIntegrator<'_> {
         scratch.counters.global_lookups += 1;
         let largest = self.settings.max_radius;
         if let (Some(irradiance), Some(lambert)) = (&self.maps.irradiance, shading.bsdf.lambertian()) {
-            let found = irradiance.nearest(hit.point.position, hit.facing_normal(), POOR_REACH * largest)?;
-            return Some(lambert.reflectance * found * FRAC_1_PI);
+            let connects = |place, facing| self.scene.connects(hit, place, facing);
+            let (position, normal) = (hit.point.position, hit.facing_normal());
+            let found = irradiance.nearest((position, normal), POOR_REACH * largest, connects)?;
+            let reflected = lambert.reflectance * found.irradiance * FRAC_1_PI;
+            return Some(if found.lacks_direct {
+                reflected + self.direct_at(at, u, scratch)
+            } else {
+                reflected
+            });
         }
         let query = self.settings.global_query(hit.point.position, hit.facing_normal());
         let what = (map, &query, &self.settings.global);
         let estimate = reflected_estimate(self.scene, &self.settings, what, shading, scratch);
-        (estimate.radius < largest && estimate.photons >= POOR_PHOTONS).then_some(estimate.value)
+        let is_rich = estimate.radius < largest && estimate.photons >= POOR_PHOTONS && estimate.is_local;
+        is_rich.then_some(estimate.value)
+    }
+
+    /// Radiance that the diffuse lobe of a surface reflects straight from the lights.
+    fn direct_at(&self, at: &Vertex<'_>, u: f32, scratch: &mut Scratch) -> Rgb {
+        let mut samples = SampleStream::new(key_of(at.hit, u), 0, 0);
+        let directions = Directions::of_bsdf(at.shading);
+        self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch).diffuse
     }
 
     /// What the map says, however few photons that rests on.
@@ -415,6 +425,13 @@ impl PhotonMapIntegrator<'_> {
             power_heuristic(pdf, pdf_of_light() * choice)
         })
     }
+}
+
+/// Key of the random numbers of a place where a gather ray ends with the number `u`.
+fn key_of(hit: &SurfaceInteraction, u: f32) -> u64 {
+    let p = hit.point.position;
+    let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
+    mix(mix(bits(p.x, p.y)) ^ bits(p.z, u))
 }
 
 /// Another number for a surface of a chain whose own number is used up: a hash of it, the same in every run.

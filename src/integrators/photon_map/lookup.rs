@@ -3,7 +3,9 @@
 use super::PhotonMapSettings;
 use crate::integrators::Scratch;
 use crate::math::Rgb;
-use crate::photons::{Estimate, EstimateParams, KernelDomain, PhotonMap, Query, Scratch as PhotonScratch};
+use crate::photons::{
+    Estimate, EstimateParams, KernelDomain, PhotonMap, Query, Scratch as PhotonScratch, Seen, Sight,
+};
 use crate::scene::{Scene, Shading};
 use glam::Vec3;
 use std::cell::Cell;
@@ -40,8 +42,8 @@ pub(super) fn reflected_estimate(
     let f = |wi: Vec3| shading.eval_photon(shading.frame.to_local(wi));
     // Weighing each photon by the BRDF twice costs more than the feelers that it might save.
     let (map, query, params) = (what.0, &Query { faint: 0.0, ..*what.1 }, what.2);
-    let estimate = |photons: &mut PhotonScratch, domain: &mut Feel<'_>| {
-        map.estimate_radiance_visible(query, params, photons, domain, f)
+    let estimate = |photons: &mut PhotonScratch, place: &mut Place<'_>| {
+        map.estimate_radiance_visible(query, params, photons, place, f)
     };
     look_up(scene, reading, query, scratch, estimate).0
 }
@@ -59,48 +61,90 @@ pub(super) fn irradiance(
     (map, query, params): (&PhotonMap, &Query, &EstimateParams),
     scratch: &mut Scratch,
 ) -> (Estimate, f32) {
-    let estimate = |photons: &mut PhotonScratch, domain: &mut Feel<'_>| {
-        map.estimate_irradiance_visible(query, params, photons, domain)
+    let estimate = |photons: &mut PhotonScratch, place: &mut Place<'_>| {
+        map.estimate_irradiance_visible(query, params, photons, place)
     };
     look_up(scene, reading, query, scratch, estimate)
 }
-
-/// Finds the visible part of a disc of some radius.
-type Feel<'a> = dyn FnMut(f32) -> Option<KernelDomain> + 'a;
 
 fn look_up(
     scene: &Scene,
     reading: &PhotonMapSettings,
     query: &Query,
     scratch: &mut Scratch,
-    estimate: impl FnOnce(&mut PhotonScratch, &mut Feel<'_>) -> Estimate,
+    estimate: impl FnOnce(&mut PhotonScratch, &mut Place<'_>) -> Estimate,
 ) -> (Estimate, f32) {
     let Scratch { photons, counters, .. } = scratch;
-    let mut seen = f32::INFINITY;
-    let mut domain = |radius| {
-        if !reading.visible_kernel {
-            return None;
-        }
-        let Query { position, normal, .. } = *query;
-        let felt = Cell::new(0);
-        let domain = KernelDomain::feel(normal, radius, |tangent, length| {
-            felt.set(felt.get() + 1);
-            scene.surface_reach(position, normal, tangent, length)
-        });
-        counters.feelers += felt.get();
-        seen = domain.as_ref().map_or(f32::INFINITY, KernelDomain::least_reach);
-        domain
-    };
+    let mut place = Place::new(scene, query.position, query.normal, reading.visible_kernel);
     let visited = photons.visited();
-    let estimate = estimate(photons, &mut domain);
+    let estimate = estimate(photons, &mut place);
     counters.photons_visited += photons.visited() - visited;
     counters.differential_stops += u64::from(estimate.at_edge);
-    (estimate, seen)
+    counters.feelers += place.rays;
+    (estimate, place.seen)
 }
 
-/// The part of the disc of `radius` around a point that can be seen from its centre.
-pub fn visible_domain(scene: &Scene, position: Vec3, normal: Vec3, radius: f32) -> Option<KernelDomain> {
-    KernelDomain::feel(normal, radius, |tangent, length| {
-        scene.surface_reach(position, normal, tangent, length)
-    })
+/// A place on a surface, and what its rays tell of the surfaces around.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<'a> {
+    scene: &'a Scene,
+    position: Vec3,
+    normal: Vec3,
+    feels: bool,
+    /// How far one can go along the normal; once that was asked.
+    headroom: Option<f32>,
+    is_covered: bool,
+    seen: f32,
+    rays: u64,
+}
+
+impl<'a> Place<'a> {
+    /// At `position` on a surface that faces along the unit `normal`; whether it `feels` how far one can go along the surface.
+    pub fn new(scene: &'a Scene, position: Vec3, normal: Vec3, feels: bool) -> Self {
+        let (seen, headroom) = (f32::INFINITY, None);
+        Self { scene, position, normal, feels, headroom, is_covered: false, seen, rays: 0 }
+    }
+
+    fn headroom(&mut self) -> f32 {
+        let Self { scene, position, normal, .. } = *self;
+        let rays = &mut self.rays;
+        *self.headroom.get_or_insert_with(|| {
+            *rays += 1;
+            scene.headroom(position, normal)
+        })
+    }
+}
+
+impl Sight for Place<'_> {
+    fn feel(&mut self, radius: f32) -> Seen {
+        if !self.feels {
+            return Seen::Whole;
+        }
+        let length = KernelDomain::length_for(radius);
+        let lift = Scene::feeler_lift(self.headroom(), length);
+        self.is_covered = lift < Scene::feeler_lift(length, length);
+        let Self { scene, position, normal, .. } = *self;
+        let felt = Cell::new(0);
+        let seen = KernelDomain::feel(normal, radius, |tangent, length| {
+            felt.set(felt.get() + 1);
+            scene.surface_reach((position, normal), tangent, length, lift)
+        });
+        self.rays += felt.get();
+        self.seen = seen.least_reach();
+        seen
+    }
+
+    fn sees(&mut self, position: Vec3, normal: Vec3) -> bool {
+        let headroom = self.headroom();
+        self.rays += 1;
+        self.scene.connects_upwards((self.position, self.normal), headroom, (position, normal))
+    }
+
+    fn is_covered(&self) -> bool {
+        self.is_covered
+    }
+
+    fn outlook(&mut self) -> f32 {
+        self.headroom()
+    }
 }

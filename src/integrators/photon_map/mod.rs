@@ -13,7 +13,7 @@ mod show_classes;
 mod walk;
 
 pub use cache::{CachePass, CacheRequest};
-pub use lookup::visible_domain;
+pub use lookup::Place;
 pub use narrowing::Narrowing;
 pub use show::ShowPhotons;
 pub use show_classes::ShowClasses;
@@ -270,7 +270,9 @@ impl<'a> PhotonMapIntegrator<'a> {
         let points = self.maps.caustic_irradiance.as_ref().filter(|_| self.settings.narrowing.is_none())?;
         let lambert = vertex.shading.bsdf.lambertian()?;
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
-        let irradiance = points.near(position, normal, CAUSTIC_POINT_REACH * self.settings.max_radius)?;
+        let connects = |place, facing| self.scene.connects(vertex.hit, place, facing);
+        let largest = CAUSTIC_POINT_REACH * self.settings.max_radius;
+        let irradiance = points.near(position, normal, largest, connects)?;
         scratch.counters.caustic_nearby += 1;
         Some(lambert.reflectance * irradiance * FRAC_1_PI)
     }
@@ -342,7 +344,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         let Vertex { hit, shading, medium, .. } = *vertex;
         let (has_diffuse, has_glossy) = (shading.bsdf.has_diffuse(), shading.bsdf.has_glossy());
         let is_light = !has_glossy && vertex.depth > 1 && vertex.weight < self.settings.approximate_weight;
-        if is_light && let Some(radiance) = self.approximate(hit, shading, scratch) {
+        if is_light && let Some(radiance) = self.approximate(vertex, 0.0, scratch) {
             scratch.counters.approximate_weight += 1;
             let nothing = |aov: Aov| (aov, Rgb::ZERO);
             return [

@@ -139,11 +139,11 @@ fn faint_estimates_do_not_ask_what_is_seen() {
     let mut asked = |faint: f32| {
         let query = Query { faint, ..Query::nearest(Vec3::new(0.5, 0.0, 0.5), Vec3::Y, 50) };
         let mut times = 0;
-        let felt = |_| {
+        let mut felt = |_| {
             times += 1;
             None
         };
-        let estimate = map.estimate_irradiance_visible(&query, &params, &mut scratch, felt);
+        let estimate = map.estimate_irradiance_visible(&query, &params, &mut scratch, &mut felt);
         (estimate, times)
     };
     let (usual, times) = asked(0.0);
@@ -339,8 +339,9 @@ fn threads_and_order_change_no_bit() {
             let values: Vec<_> =
                 (0..500).map(|i| map.estimate_irradiance(&query(i), &params, &mut scratch)).collect();
             let irradiance = map.precompute_irradiance(&query(0), &params, 3);
-            let near: Vec<_> =
-                (0..500).map(|i| irradiance.nearest(query(i).position, Vec3::Y, 1.0)).collect();
+            let near: Vec<_> = (0..500)
+                .map(|i| irradiance.nearest((query(i).position, Vec3::Y), 1.0, |_, _| true))
+                .collect();
             (map.photons().collect::<Vec<_>>(), values, near, map.total_flux())
         })
     };

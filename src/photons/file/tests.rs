@@ -100,7 +100,7 @@ fn every_flipped_bit_is_refused() {
 fn messages_say_what_it_is_and_what_to_do() {
     let bytes = small();
     let mut other = bytes.clone();
-    other[8] = 2;
+    other[8] = 1;
     let sum = blake3::hash(&other[..HEAD]);
     other[HEAD..HEAD + SUM].copy_from_slice(sum.as_bytes());
     let text = HEAD + SUM;
@@ -113,7 +113,7 @@ fn messages_say_what_it_is_and_what_to_do() {
         ),
         (vec![b'x'; 500], ["is not a file of photon maps", "make one"]),
         (bytes[..bytes.len() / 2].to_vec(), ["incomplete", "copy it again"]),
-        (other, ["is of version 2", "reads version 1"]),
+        (other, ["is of version 1", "reads version 2"]),
         (in_global, ["its global map", "make it again"]),
     ] {
         let message = read(&bytes).unwrap_err().to_string();
