@@ -240,7 +240,8 @@ pub fn probe(
     let lost = landings.iter().filter(|landing| landing.is_none()).count();
     if lost > 0 {
         warnings.push(format!(
-            "{lost} of {} points have no surface below them: check their normals, or look from higher above with --lift",
+            "{lost} of {} points have no surface below them: coordinates are metres, whatever the unit of the scene file; \
+             check them and the normals, or look from higher above with --lift",
             landings.len()
         ));
     }

@@ -137,7 +137,7 @@ fn emitters_of_any_size_and_distance_send_their_light() {
                 points: places.map(|at| ProbePoint { position: at * distance, normal: DVec3::Y }).to_vec(),
                 estimators: vec![ProbeEstimator::Path, ProbeEstimator::Gather],
                 samples: if kind.wasteful { 16_384 } else { 256 },
-                batches: 1,
+                batches: 8,
                 lift: 1e-3 * distance,
                 settings: stage.settings(&few),
             };

@@ -104,6 +104,11 @@ fn what_is_too_small_where_it_stands_is_named() {
         center = [500.0, 0.0, 0.0]
         radius = 0.0005
         material = "paint"
+
+        [[lights]]
+        type = "point"
+        position = [0.0, 10.0, 0.0]
+        power = 1.0
         "#,
         (8, 8),
     );
