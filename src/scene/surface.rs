@@ -339,6 +339,7 @@ impl SurfaceInteraction {
         } else {
             (turned(self.point.normal), turned(self.shading_normal))
         };
+        shading = within_reach(shading, geometric);
         // An interpolated normal that faces away from the viewer would make a visible surface black.
         if !(shading.dot(self.wo) * geometric.dot(self.wo) > 0.0) {
             shading = geometric;
@@ -373,9 +374,45 @@ impl SurfaceInteraction {
     }
 }
 
+/// Smallest cosine between shading normal and geometric normal. Photons are weighted by up to its inverse (`bsdf::Bend`), which
+/// must not grow without bound where the normals of a mesh's vertices contradict each other.
+const LEAST_NORMAL_COSINE: f32 = 0.1;
+
+/// The unit shading normal, bent to the unit geometric normal on whose side it is as far as [`LEAST_NORMAL_COSINE`] asks for.
+fn within_reach(shading: Vec3, geometric: Vec3) -> Vec3 {
+    let cosine = shading.dot(geometric);
+    if cosine >= LEAST_NORMAL_COSINE {
+        return shading;
+    }
+    let sine = (1.0 - LEAST_NORMAL_COSINE * LEAST_NORMAL_COSINE).sqrt();
+    let along = crate::math::unit(shading - geometric * cosine);
+    along.map_or(geometric, |along| geometric * LEAST_NORMAL_COSINE + along * sine)
+}
+
 /// A point on a light for a shadow ray to end at, moved off the light's surface towards `from`.
 pub fn shadow_target(position: DVec3, error: Vec3, normal: Vec3, from: Vec3) -> Vec3 {
     let point = SurfacePoint::new(position, error, normal.as_dvec3(), Vec2::ZERO);
     let point = HitPoint::on_procedural(&point);
     point.moved_towards(from - point.position)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shading_normals_stay_near_the_surface() {
+        let geometric = Vec3::Z;
+        for shading in [Vec3::X, Vec3::new(-1.0, 0.0, 1e-7).normalize_or_zero(), Vec3::Y] {
+            let bent = within_reach(shading, geometric);
+            assert!(
+                (bent.length() - 1.0).abs() < 1e-6 && (bent.z - LEAST_NORMAL_COSINE).abs() < 1e-6,
+                "{bent}"
+            );
+            assert!(bent.dot(shading) > 0.99, "{bent} for {shading}");
+        }
+        let tilted = Vec3::new(0.6, 0.0, 0.8);
+        assert_eq!(within_reach(tilted, geometric), tilted);
+        assert_eq!(within_reach(geometric, geometric), geometric);
+    }
 }
