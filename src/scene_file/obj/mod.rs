@@ -1,5 +1,5 @@
 //! OBJ meshes (Wavefront 1992): `v`, `vt`, `vn`, `f` with indices that count from the start or back from the line, `usemtl` and
-//! `mtllib`, parsed on all threads. Polygons become fans of triangles (see [`super::mesh::triangulate_polygon`] for concave ones). Lines, points,
+//! `mtllib`, parsed on all threads. Polygons become fans of triangles (concave ones by `scene_file::polygon`). Lines, points,
 //! curves and smoothing groups are not read; what is no triangle is counted.
 //!
 //! Own, as the crates on offer tell no line of what is wrong. What a file declares by its indices is checked against what it
