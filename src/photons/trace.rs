@@ -158,6 +158,7 @@ impl Batch<'_> {
                         rng: Rng::new(seed, self.stream, index),
                         ray: start.ray,
                         power,
+                        started_with: power.max_element(),
                         medium: media[usize::from(start.back)],
                         depth: 0,
                         chain: 0,
@@ -202,6 +203,11 @@ struct Stored {
     surfaces: Option<Vec<u32>>,
 }
 
+/// A photon whose power has grown by more than this is cut off and counted. Power grows where shading and geometric normals differ, each
+/// time by at most some ten times, and falls as often: no more than one photon in so many grows so far on sound meshes (Markov's
+/// inequality), but where the normals of a closed body contradict each other it may never stop growing.
+const LARGEST_GROWTH: f32 = 1000.0;
+
 /// Photons that a thread has under way at a time. Each goes its own way, whatever the others do; but while one waits for
 /// its surface, the processor works on the next.
 const IN_FLIGHT: usize = 32;
@@ -211,6 +217,8 @@ struct Flight {
     rng: Rng,
     ray: Ray,
     power: Rgb,
+    /// Brightest channel of the power with which it started.
+    started_with: f32,
     medium: Surroundings,
     /// Surfaces met.
     depth: u32,
@@ -381,6 +389,12 @@ impl Flight {
             return false;
         };
         let power = self.power * (sample.throughput * (weight * share));
+        if power.max_element() > LARGEST_GROWTH * self.started_with {
+            tally.truncated += 1;
+            tally.power_truncated += power.as_dvec3();
+            tally.power_absorbed -= power.as_dvec3();
+            return false;
+        }
         // Photons are aimed at a surface by what it mirrors, and those that arrive there carry more by as much as it mirrors less: roulette
         // is not to take that away again.
         let expected = if is_mixed && self.depth == 0 { mirrored_share(&shading.bsdf) } else { 1.0 };

@@ -216,13 +216,13 @@ mod tests {
         let counts = PhotonCounts { global: 100_000_000, caustic: 200_000_000 };
         let all = Precomputed { global: true, caustic: true };
         let needed = at_worst(counts, all);
-        assert!((needed - (100e6 * (20.25 + 5.75) + 200e6 * 40.5)).abs() < 1.0, "{needed}");
+        assert!((needed - (100e6 * (20.25 + 6.75) + 200e6 * 40.5)).abs() < 1.0, "{needed}");
         let kept = finished(counts, all);
-        assert!((kept - 300e6 * (20.25 + 5.75)).abs() < 1.0, "{kept}");
+        assert!((kept - 300e6 * (20.25 + 6.75)).abs() < 1.0, "{kept}");
         assert_eq!(counts.check_against(all, Some(needed as u64)), Ok(()));
         assert_eq!(counts.check_against(all, None), Ok(()));
         let refused = counts.check_against(all, Some(4_000_000_000)).unwrap_err().to_string();
-        for part in ["10.7 GB", "4.0 GB are available", "--caustic-photons", "--photons-memory 1.6GB"] {
+        for part in ["10.8 GB", "4.0 GB are available", "--caustic-photons", "--photons-memory 1.6GB"] {
             assert!(refused.contains(part), "no `{part}` in {refused}");
         }
         let beyond = PhotonCounts { global: 1 << 40, caustic: 0 };

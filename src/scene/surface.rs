@@ -339,7 +339,6 @@ impl SurfaceInteraction {
         } else {
             (turned(self.point.normal), turned(self.shading_normal))
         };
-        shading = within_reach(shading, geometric);
         // An interpolated normal that faces away from the viewer would make a visible surface black.
         if !(shading.dot(self.wo) * geometric.dot(self.wo) > 0.0) {
             shading = geometric;
@@ -379,7 +378,8 @@ impl SurfaceInteraction {
 const LEAST_NORMAL_COSINE: f32 = 0.1;
 
 /// The unit shading normal, bent to the unit geometric normal on whose side it is as far as [`LEAST_NORMAL_COSINE`] asks for.
-fn within_reach(shading: Vec3, geometric: Vec3) -> Vec3 {
+#[inline]
+pub(super) fn within_reach(shading: Vec3, geometric: Vec3) -> Vec3 {
     let cosine = shading.dot(geometric);
     if cosine >= LEAST_NORMAL_COSINE {
         return shading;

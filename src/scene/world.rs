@@ -6,7 +6,7 @@ use super::layered::Site;
 use super::material::Material;
 use super::render_space::RenderSpace;
 use super::shading::Shading;
-use super::surface::{DiffuseHit, HitPoint, Placement, SurfaceInteraction, TrianglePoint};
+use super::surface::{DiffuseHit, HitPoint, Placement, SurfaceInteraction, TrianglePoint, within_reach};
 use super::texture::MaterialTexture;
 use crate::bsdf::Dielectric;
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
@@ -439,6 +439,7 @@ impl Scene {
             let site = Site { mesh, data, placement, primitive, uv, pixel: self.parts.pixel, flipped };
             layers.apply(&mut found, &site);
         }
+        found.shading_normal = within_reach(found.shading_normal, found.point.normal);
         found
     }
 
@@ -862,7 +863,7 @@ fn found(
     }
     SurfaceInteraction {
         point,
-        shading_normal,
+        shading_normal: within_reach(shading_normal, point.normal),
         wo: -ray.direction,
         distance: hit.t,
         surface: index,

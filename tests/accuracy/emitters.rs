@@ -150,8 +150,9 @@ fn emitters_of_any_size_and_distance_send_their_light() {
                     let (value, error) = (reading.irradiance[0].x, reading.standard_error.unwrap()[0].x);
                     let what =
                         format!("{} of {size:e} m at {distance:e} m by {:?}", kind.name, reading.estimator);
-                    // The lamp is not quite a point: a hundredth of the distance at most.
-                    let room = 5.0 * error + 2.0 * (size / distance).max(1e-4) * want;
+                    // The lamp is not quite a point: a hundredth of the distance at most. And corners of meshes are rounded to single
+                    // precision, which changes the area of the smallest box by 2.4e-4.
+                    let room = 5.0 * error + 2.0 * (size / distance).max(2.5e-4) * want;
                     assert!(error < 0.02 * want, "{what}: {value} +- {error}");
                     assert!((value - want).abs() < room, "{what}: {value} +- {error}, not {want}");
                 }
