@@ -1,22 +1,19 @@
 //! The program as a user meets it: messages, exit codes, files, signals.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod common;
+
 use cardioid::image_io::{self, MetadataValue};
+use common::{program, stderr, stdout};
 #[cfg(unix)]
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Output, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
-
-fn program() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cardioid"));
-    command.stdin(Stdio::null());
-    command
-}
 
 fn scene(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name)
@@ -24,15 +21,7 @@ fn scene(name: &str) -> PathBuf {
 
 /// A run in `folder`.
 fn run(folder: &TempDir, args: &[&str]) -> Output {
-    program().current_dir(folder.path()).args(args).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-fn stdout(output: &Output) -> String {
-    String::from_utf8(output.stdout.clone()).unwrap()
+    common::run(folder.path(), args)
 }
 
 /// Fails with `code` and a message that holds all of `parts`; writes nothing, and shows no trace of the code.
@@ -452,7 +441,7 @@ fn a_missing_library_is_told_before_rendering() {
         fs::write(folder.path().join(format!("libOpenImageIO.so.{version}")), "none").unwrap();
     }
     let run = |args: &[&str]| {
-        let mut command = program();
+        let mut command = program(folder.path());
         command.current_dir(folder.path()).env("LD_LIBRARY_PATH", folder.path()).args(args).output().unwrap()
     };
     let before = names_in(folder.path());
@@ -650,7 +639,7 @@ struct Long {
 impl Long {
     fn start(more: &[&str]) -> Self {
         let folder = folder();
-        let mut command = program();
+        let mut command = program(folder.path());
         command
             .current_dir(folder.path())
             .args(["render", &spheres(), "--integrator", "path", "--spp", "1000000", "-o", "long.exr"])
@@ -753,13 +742,8 @@ fn a_signal_during_the_photon_pass() {
     let mut args = vec!["--global-photons", "20000000", "-o", "a.exr", "--stats", "stats.json"];
     let spheres = spheres();
     args.splice(0..0, ["render", &spheres]);
-    let child = program()
-        .current_dir(folder.path())
-        .args(args)
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let child =
+        program(folder.path()).args(args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut long = Long { child, folder };
     std::thread::sleep(Duration::from_secs(3));
     long.signal(Signal::INT);

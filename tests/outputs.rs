@@ -1,26 +1,15 @@
 //! What a run does to files: none that it reads is replaced, and nothing that goes wrong beside the picture costs the picture.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod common;
+
 use cardioid::image_io::{self, Image, Layer, PngPixels};
+use common::{program, run, stderr};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
-
-fn program(folder: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cardioid"));
-    command.stdin(Stdio::null()).current_dir(folder);
-    command
-}
-
-fn run(folder: &Path, args: &[&str]) -> Output {
-    program(folder).args(args).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
 
 /// Names and content of all files of a folder.
 fn content(folder: &Path) -> Vec<(String, Vec<u8>)> {

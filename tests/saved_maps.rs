@@ -2,15 +2,16 @@
 //! differs.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+mod common;
+
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 use tempfile::TempDir;
 
 fn run(folder: &TempDir, args: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_cardioid"));
-    command.current_dir(folder.path()).stdin(Stdio::null()).args(args).output().unwrap()
+    common::run(folder.path(), args)
 }
 
 fn succeeds(folder: &TempDir, args: &[&str]) -> String {

@@ -1,6 +1,7 @@
 //! Shading normals beside the geometric one: no light is lost, densities are what is drawn, and photons agree with paths.
 
 use super::chi_square::ChiSquare;
+use super::tests::direction;
 use super::*;
 use crate::math::{Frame, unit};
 use crate::sampling::{Rng, Stream, warp};
@@ -8,11 +9,6 @@ use glam::Vec2;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 const RADIANCE: TransportMode = TransportMode::Radiance;
-
-fn direction(cos: f32, phi: f32) -> Vec3 {
-    let sin = ((1.0 - cos) * (1.0 + cos)).sqrt();
-    Vec3::new(sin * phi.cos(), sin * phi.sin(), cos)
-}
 
 /// One of each kind, with lobes of every class.
 fn models() -> Vec<Bsdf> {

@@ -1,6 +1,7 @@
 //! The glossy models: density, energy, reciprocity, and the way to the smooth limit.
 
 use super::chi_square::ChiSquare;
+use super::tests::direction;
 use super::*;
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Stream};
 use glam::Vec2;
@@ -9,11 +10,6 @@ use std::f64::consts::PI;
 const RADIANCE: TransportMode = TransportMode::Radiance;
 const FLUX: TransportMode = TransportMode::Flux;
 const WHITE: Metal = Metal::Colour(Rgb::ONE);
-
-fn direction(cos: f32, phi: f32) -> Vec3 {
-    let sin = ((1.0 - cos) * (1.0 + cos)).sqrt();
-    Vec3::new(sin * phi.cos(), sin * phi.sin(), cos)
-}
 
 fn metal(metal: Metal, along: f32, across: f32) -> Bsdf {
     Bsdf::Conductor(Conductor::new(metal, [along, across]))

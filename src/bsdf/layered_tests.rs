@@ -1,17 +1,13 @@
 //! The layered model: density, energy, reciprocity, classes, and agreement with the models it generalises.
 
 use super::chi_square::ChiSquare;
+use super::tests::direction;
 use super::*;
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Stream};
 use glam::Vec2;
 
 const RADIANCE: TransportMode = TransportMode::Radiance;
 const FLUX: TransportMode = TransportMode::Flux;
-
-fn direction(cos: f32, phi: f32) -> Vec3 {
-    let sin = ((1.0 - cos) * (1.0 + cos)).sqrt();
-    Vec3::new(sin * phi.cos(), sin * phi.sin(), cos)
-}
 
 fn layered(change: impl FnOnce(&mut LayeredParameters)) -> Bsdf {
     let mut parameters = LayeredParameters { metallic: 0.0, ..LayeredParameters::default() };

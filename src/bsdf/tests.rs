@@ -13,7 +13,8 @@ fn dielectric(ior_inside: f64) -> Bsdf {
     Bsdf::Dielectric(Dielectric::new(1.0, ior_inside))
 }
 
-fn direction(cos: f32, phi: f32) -> Vec3 {
+/// The unit direction of these polar coordinates.
+pub(super) fn direction(cos: f32, phi: f32) -> Vec3 {
     let sin = ((1.0 - cos) * (1.0 + cos)).sqrt();
     Vec3::new(sin * phi.cos(), sin * phi.sin(), cos)
 }

@@ -1,5 +1,6 @@
 //! Bodies of glass that touch other surfaces, or each other, and bodies within bodies.
 
+use crate::refraction::fresnel;
 use crate::support::*;
 use cardioid::math::Ray;
 use cardioid::media::AIR;
@@ -201,7 +202,7 @@ fn bodies_that_share_a_face_have_one_interface_or_none() {
                         assert_eq!(after, Some(beyond), "{what}");
                         let [here, there] = [at, beyond].map(|at| placed.scene.medium(at.medium()).ior);
                         let cosine = hit.wo.dot(shading.geometric).abs();
-                        let want = fresnel(here, there, cosine);
+                        let want = fresnel(f64::from(there) / f64::from(here), f64::from(cosine)) as f32;
                         let got = shading.bsdf.reflection_probability(shading.wo_local);
                         assert!((got - want).abs() < 1e-4, "{what}: {got}, not {want}");
                     }
@@ -209,18 +210,6 @@ fn bodies_that_share_a_face_have_one_interface_or_none() {
             }
         }
     }
-}
-
-/// Reflectance of a smooth interface.
-fn fresnel(here: f32, there: f32, cosine: f32) -> f32 {
-    let sine_squared = (here / there).powi(2) * (1.0 - cosine * cosine);
-    if sine_squared >= 1.0 {
-        return 1.0;
-    }
-    let refracted = (1.0 - sine_squared).sqrt();
-    let s = (here * cosine - there * refracted) / (here * cosine + there * refracted);
-    let p = (there * cosine - here * refracted) / (there * cosine + here * refracted);
-    0.5 * (s * s + p * p)
 }
 
 /// A white floor in a room whose other walls emit 1: radiance is 1 everywhere, seen through whatever absorbs nothing.
