@@ -1,6 +1,7 @@
 //! Messages about a scene file: where, what is wrong, what to do, and the line itself.
 
 use super::description::Location;
+use super::synonyms::synonym;
 use crate::files::ForeignFile;
 use std::fmt;
 use std::ops::Range;
@@ -240,10 +241,15 @@ pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) 
         .map(|(_, n)| n)
 }
 
+/// The known name that `name` stands for elsewhere, or the nearest.
+pub(super) fn meant<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    synonym(name, known.iter().copied()).or_else(|| nearest(name, known.iter().copied()))
+}
+
 /// "did you mean `x`? known: `a`, `b`", as far as there is anything to say.
 pub(super) fn suggestion(name: &str, known: &[&str]) -> String {
     const LISTED: usize = 24;
-    let meant = nearest(name, known.iter().copied()).map(|near| format!("did you mean `{near}`? "));
+    let meant = meant(name, known).map(|near| format!("did you mean `{near}`? "));
     let listed: Vec<_> = known.iter().take(LISTED).map(|name| format!("`{name}`")).collect();
     let known = match (known.len(), known.len() > LISTED) {
         (0, _) => "there are none yet".to_string(),

@@ -99,6 +99,8 @@ pub struct MeshReport {
     pub short_faces: u64,
     /// Triangles with a corner that is NaN or infinite, dropped.
     pub non_finite_triangles: u64,
+    /// Line of the first vertex that is NaN or infinite, in files that have lines.
+    pub non_finite_line: Option<usize>,
     /// Triangles with a corner twice or without area, dropped.
     pub degenerate_triangles: u64,
     /// Normals that were zero, NaN or infinite, replaced by zero.
@@ -122,9 +124,13 @@ pub struct MeshReport {
 impl MeshReport {
     /// What was found, in words, one item for each kind.
     pub fn findings(&self) -> Vec<String> {
+        let line =
+            self.non_finite_line.map(|line| format!(" (the first of these vertices is in line {line})"));
+        let non_finite =
+            format!("triangles with NaN or infinite corners dropped{}", line.unwrap_or_default());
         let counts = [
             (self.short_faces, "faces with fewer than three corners dropped"),
-            (self.non_finite_triangles, "triangles with NaN or infinite corners dropped"),
+            (self.non_finite_triangles, &*non_finite),
             (self.degenerate_triangles, "triangles without area dropped"),
             (self.unusable_normals, "normals that are zero, NaN or infinite replaced by those of the faces"),
             (self.unusable_uvs, "texture coordinates that are NaN or infinite replaced by zero"),

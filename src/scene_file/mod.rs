@@ -23,6 +23,7 @@ pub mod polygon;
 mod reader;
 mod room;
 mod stl;
+mod synonyms;
 mod weld;
 
 pub use build::{BuildError, BuildProblem, BuiltScene, build_scene, build_scene_watched};

@@ -5,7 +5,7 @@
 //! keys were asked for: what is left over when it is [finished](Table::finish) is unknown and refused.
 
 use super::description::{Location, SceneWarning};
-use super::diagnostic::{Diagnostic, SceneFileError, SourceText, nearest, suggestion};
+use super::diagnostic::{Diagnostic, SceneFileError, SourceText, meant, suggestion};
 use super::parameters::Parameters;
 use glam::DVec3;
 use std::borrow::Cow;
@@ -472,7 +472,7 @@ impl<'a> Table<'a> {
     pub(super) fn finish(self) {
         for (span, value) in self.sorted_entries() {
             if !self.known.contains(&value.name) {
-                let meant = nearest(value.name, self.known.iter().copied());
+                let meant = meant(value.name, &self.known);
                 if let Some((_, message)) = self.missing.iter().find(|(key, _)| Some(*key) == meant) {
                     self.context.retract(&self.span, message);
                 }

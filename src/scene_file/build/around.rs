@@ -12,8 +12,11 @@ use crate::scene_file::enclosure::Triangles;
 use crate::scene_file::mesh::{MeshReport, TriangleMesh};
 use crate::scene_file::room::{Choice, Model, Room};
 use crate::scene_file::{MeshReading, read_mesh_file_with};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
+
+/// Sizes in metres of what people model; beyond them another unit is likely.
+const PLAIN: std::ops::RangeInclusive<f64> = 0.02..=100.0;
 
 /// Meshes that were read already, by shape.
 pub(super) type Ready = BTreeMap<usize, (TriangleMesh, MeshReport)>;
@@ -84,10 +87,14 @@ pub(super) fn settle(
     let size = size.max - size.min;
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut notes = vec![format!(
-        "{name} keeps its lengths, {} x {} x {} m; camera, ground and light are placed around it",
+        "{name} keeps its lengths, {} x {} x {} m; camera, ground and light are placed around it{}",
         rounded(size.x),
         rounded(size.y),
-        rounded(size.z)
+        rounded(size.z),
+        match PLAIN.contains(&size.max_element()) || own.matrix3 != DMat3::IDENTITY {
+            true => "",
+            false => "; where its file is not in metres, --set unit=mm (or cm, inch, ft) says so",
+        }
     )];
     let in_stage = in_file.under(&staged);
     let model = Model::of(&in_stage);

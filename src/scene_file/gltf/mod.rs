@@ -157,6 +157,11 @@ impl<'a> Parameters<'a> {
                 }
                 "room" => read.wishes.room = choice()?,
                 "solid" => read.solid.all = choice()?,
+                "unit" => {
+                    let told = "a glTF file has no parameter `unit`: its lengths are metres; export it with those, or scale it in a \
+                                scene file (`type = \"mesh\"`, `file`, and a `transform` with `scale`)";
+                    return fail("", told);
+                }
                 _ if name.starts_with("solid:") => read.solid.by_name.push((&name[6..], choice()?)),
                 _ => {
                     let known = suggestion(name, &NAMES);

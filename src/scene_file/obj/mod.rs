@@ -262,6 +262,7 @@ pub(super) fn parse_obj(
     let mut numbers = Vec::new();
     for piece in pieces {
         report.other_elements += piece.other_elements;
+        report.non_finite_line = report.non_finite_line.or(piece.non_finite_line);
         let mut materials = piece.materials.into_iter().peekable();
         let mut start = 0;
         // One more turn, for what stands behind the last face.

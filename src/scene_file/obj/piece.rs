@@ -38,6 +38,8 @@ pub(super) struct Piece {
     pub(super) materials: Vec<(usize, String)>,
     pub(super) libraries: Vec<(PathBuf, usize)>,
     pub(super) other_elements: u64,
+    /// Line of the first position that is NaN or infinite.
+    pub(super) non_finite_line: Option<usize>,
 }
 
 /// How much of each kind there is in a part of a file, or before it.
@@ -165,7 +167,11 @@ impl Piece {
                 {
                     *value = number(parts.next(), line, what)?;
                 }
-                self.positions.push(DVec3::from_array(position));
+                let position = DVec3::from_array(position);
+                if !position.is_finite() {
+                    self.non_finite_line.get_or_insert(line);
+                }
+                self.positions.push(position);
                 self.colour(parts);
             }
             b"vn" => {

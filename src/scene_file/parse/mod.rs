@@ -218,7 +218,13 @@ fn read_unit(value: Value<'_>) -> Option<f64> {
         None => match text.parse::<f64>() {
             Ok(metres) if metres > 0.0 && metres.is_finite() => Some(metres),
             _ => {
-                value.refuse("\"mm\", \"cm\", \"m\", \"km\", \"inch\", \"ft\" or a number of metres", REMEDY)
+                let remedy = match value.whole_parameter() {
+                    Some((name, _)) => {
+                        format!("write for example `--set {name}=mm`, or the number of metres in one unit")
+                    }
+                    None => REMEDY.to_owned(),
+                };
+                value.refuse("\"mm\", \"cm\", \"m\", \"km\", \"inch\", \"ft\" or a number of metres", remedy)
             }
         },
     }
