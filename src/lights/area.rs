@@ -77,6 +77,18 @@ impl EmissionStart {
 const FEW_PIECES: usize = 8;
 
 impl AreaLight {
+    /// What it is the surface of, in words.
+    pub fn shape(&self) -> String {
+        match self.pieces.as_slice() {
+            [EmitterShape::Sphere(_)] => "sphere".to_owned(),
+            [EmitterShape::Cylinder(_)] => "cylinder".to_owned(),
+            [EmitterShape::Disc(_)] => "disc".to_owned(),
+            [EmitterShape::Quad(_)] => "quad".to_owned(),
+            [EmitterShape::Triangle(_)] => "mesh of one triangle".to_owned(),
+            pieces => format!("mesh of {} triangles", pieces.len()),
+        }
+    }
+
     /// A light of these pieces (one for an exact shape, one for each triangle of a mesh). `None` where there is none.
     pub fn new(pieces: Vec<EmitterShape>, radiance: Rgb, two_sided: bool, flip_normal: bool) -> Option<Self> {
         let choice = Distribution1D::new(pieces.iter().map(EmitterShape::area))?;

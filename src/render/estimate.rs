@@ -117,7 +117,8 @@ impl MemoryEstimate {
     /// The parts of the worst moment, in words.
     pub(super) fn parts(&self) -> String {
         let (_, parts) = self.worst();
-        let parts = parts.iter().filter(|(_, bytes)| *bytes > 0);
+        // Less than half a megabyte would be told as none.
+        let parts = parts.iter().filter(|(_, bytes)| *bytes >= 500_000);
         parts.map(|(what, bytes)| format!("{what} {}", megabytes(*bytes))).collect::<Vec<_>>().join(", ")
     }
 

@@ -490,6 +490,11 @@ impl Findings<'_> {
         let stored = map.len() as u64 + summed;
         if stored == 0 && wanted > 0 {
             warnings.push(self.nothing_stored());
+        } else if wanted == 0 && self.kind == MapKind::Global {
+            // No caustics is what people ask for to see what these bring.
+            warnings.push(
+                "no photons of the global map were asked for, so there will be no indirect light".to_owned(),
+            );
         } else if self.stopped {
             warnings.push(format!(
                 "the {name} map holds {stored} photons of the {wanted} asked for, traced in its share of the time limit; \
@@ -518,10 +523,8 @@ impl Findings<'_> {
         let mismatches = sum(|tally| tally.medium_mismatches);
         let met = sum(|tally| tally.interfaces);
         if is_worth_a_warning(mismatches, met) {
-            warnings.push(format!(
-                "{mismatches} of {met} photons met an interface in another medium than the interface states on that \
-                 side: check `inside` and `outside` of the materials and the direction of normals"
-            ));
+            warnings
+                .push(format!("{mismatches} of {met} photons {}", contradiction(&[])));
         }
         self.warn_of_casters(warnings);
         self.warn_of_lights(missing, divided, warnings);
@@ -571,8 +574,8 @@ impl Findings<'_> {
             let names =
                 listed(dark.iter().map(|&surface| self.scene.surfaces()[surface as usize].name.as_str()));
             warnings.push(format!(
-                "no caustic photon reached {names}: nothing is lost where no light shines on it; otherwise raise its \
-                 `caustic-photons` or --caustic-photons"
+                "no caustic photon reached {names}: nothing is lost where no light shines on it; otherwise raise \
+                 --caustic-photons (shapes of a TOML scene have `caustic-photons` too, for a larger share)"
             ));
         }
     }
@@ -593,8 +596,7 @@ impl Findings<'_> {
             let names = listed(lights.iter().map(|&light| light_name(light)));
             warnings.push(format!(
                 "only {photons} photons of the {} map left {names}, fewer than {STARVED} each or none that was stored: \
-                 their light is noise or missing; give them more with `photons` in the scene file, or raise \
-                 --{}-photons",
+                 their light is noise or missing; raise --{}-photons (lights of a TOML scene have `photons` too, for a larger share)",
                 self.name, self.name
             ));
         }
@@ -609,7 +611,8 @@ impl Findings<'_> {
         if !divided.is_empty() && self.pass_is_first() {
             warnings.push(format!(
                 "{}: in more than one medium on one side, and all photons from there start in the one that most of it \
-                 is in; check `inside` and `outside` of the materials around it",
+                 is in; put it into one body, or close the meshes around it (in a TOML scene, check `inside` and `outside` of \
+                 their materials)",
                 listed(divided.iter().map(|&light| light_name(light as usize)))
             ));
         }
@@ -620,8 +623,18 @@ impl Findings<'_> {
     }
 }
 
+/// What is wrong where interfaces contradict the bodies that rays are in, at surfaces of these names, and what to do.
+pub(super) fn contradiction(names: &[&str]) -> String {
+    let at = if names.is_empty() { String::new() } else { format!(", at {}", listed(names.iter().copied())) };
+    format!(
+        "met an interface in another medium than the interface states on that side{at}: the mesh is open there or its normals \
+         point inwards; close it, or turn them (in a TOML scene by `flip-normal`, and check `inside` and `outside` of the \
+         materials)"
+    )
+}
+
 /// Names in quotes, the first few of them.
-fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+pub(super) fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
     let count = names.len();
     let shown: Vec<String> = names.take(NAMED).map(|name| format!("`{name}`")).collect();
     match count.saturating_sub(NAMED) {

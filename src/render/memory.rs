@@ -61,8 +61,11 @@ pub enum MemoryError {
     },
     /// With everything else.
     #[error(
-        "a scene of {:.1} million triangles takes {} {}: {}; and {} {}; {}",
-        estimate.triangles as f64 / 1e6,
+        "{} takes {} {}: {}; and {} {}; {}",
+        match estimate.triangles {
+            0..50_000 => "the scene".to_owned(),
+            triangles => format!("a scene of {:.1} million triangles", triangles as f64 / 1e6),
+        },
         megabytes(estimate.peak()),
         estimate.worst().0,
         estimate.parts(),

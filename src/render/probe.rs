@@ -2,7 +2,7 @@
 
 use super::RenderError;
 use super::batches::mean_of_batches;
-use super::maps::{ForPicture, build_maps_from};
+use super::maps::{ForPicture, build_maps_from, listed};
 use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
 use crate::integrators::{Irradiance, PathTracer, PhotonMapIntegrator, PhotonMaps, Receiver, Scratch};
@@ -66,7 +66,8 @@ pub struct ProbeRequest {
     /// Batches that share nothing: each has photon maps of its own, of as many photons as the settings say, and its share of the
     /// samples. Readings are their mean, and the standard error is what they differ by. The first is what one alone would be.
     pub batches: u32,
-    /// From how far above a point, along its normal, its surface is looked for; metres.
+    /// How far above and below a point, along its normal, the surface nearest to it is looked for; where there is none, it is the
+    /// first one below. Metres.
     pub lift: f64,
     /// Of maps and estimates.
     pub settings: Settings,
@@ -181,6 +182,8 @@ struct Landing {
     hit: SurfaceInteraction,
     receiver: Receiver,
     medium: Surroundings,
+    /// Whether it is no farther from the point than the lift.
+    is_near: bool,
 }
 
 /// Probes the scene. `None` where the observer stopped it. The result does not depend on the number of threads.
@@ -245,6 +248,7 @@ pub fn probe(
             landings.len()
         ));
     }
+    warnings.extend(warn_of_distance(scene, &landings, request.lift));
     let points = landings
         .iter()
         .zip(&tallies)
@@ -257,6 +261,22 @@ pub fn probe(
 /// Seed of a batch: that of the settings for the first.
 fn batch_seed(seed: u64, batch: u32) -> u64 {
     if batch == 0 { seed } else { mix(mix(seed) ^ u64::from(batch)) }
+}
+
+/// Points that are not on the surface that was found below them, so that it may be another one than was meant.
+fn warn_of_distance(scene: &Scene, landings: &[Option<Landing>], lift: f64) -> Option<String> {
+    let far = || landings.iter().flatten().filter(|landing| !landing.is_near);
+    let mut names: Vec<&str> = far().map(|landing| scene.surface(&landing.hit).name.as_str()).collect();
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    (count > 0).then(|| {
+        format!(
+            "{count} of {} points lie more than {lift:.2e} m off every surface, and stand for the first one below them, of {}: the              table has its place (x, y, z); for another surface give points on it",
+            landings.len(),
+            listed(names.iter().copied())
+        )
+    })
 }
 
 /// One sentence for each kind of light that paths miss.
@@ -275,14 +295,32 @@ fn warn_of_missing(points: &[Option<ProbedSurface>]) -> Vec<String> {
     warnings
 }
 
-/// The first surface below a point, on the side of its normal.
+/// The surface nearest to a point within the lift above and below it, or else the first one below it, seen from the side of its
+/// normal.
 fn land(scene: &Scene, point: &ProbePoint, lift: f64) -> Option<Landing> {
+    /// Surfaces above a point that are passed, at most.
+    const PASSED: usize = 256;
     let normal = point.normal.try_normalize()?;
-    let start = scene.space().position(point.position + lift * normal).as_vec3();
-    let hit = scene.intersect(&Ray::new(start, -normal.as_vec3()))?;
+    let (start, down) = (point.position + lift * normal, -normal.as_vec3());
+    let (start, lift) = (scene.space().position(start).as_vec3(), scene.space().length(lift) as f32);
+    let mut ray = Ray::new(start, down);
+    let mut nearest: Option<(f32, SurfaceInteraction)> = None;
+    for _ in 0..PASSED {
+        let Some(hit) = scene.intersect(&ray) else { break };
+        let below = (hit.point.position - start).dot(down) - lift;
+        ray = hit.spawn(down);
+        if nearest.as_ref().is_none_or(|(distance, _)| below.abs() < *distance) {
+            nearest = Some((below.abs(), hit));
+        }
+        // Others are farther below.
+        if below >= 0.0 {
+            break;
+        }
+    }
+    let (distance, hit) = nearest?;
     let receiver = Receiver::new(&hit);
     let medium = scene.medium_at(hit.point.moved_towards(hit.wo));
-    Some(Landing { hit, receiver, medium })
+    Some(Landing { hit, receiver, medium, is_near: distance <= lift })
 }
 
 struct Probing<'a> {
@@ -414,7 +452,8 @@ impl Probed {
                 continue;
             };
             let name = surface.object.replace('"', "\"\"");
-            let (p, n) = (surface.position, surface.normal);
+            // Minus zero is shown as zero.
+            let (p, n) = (surface.position + DVec3::ZERO, surface.normal + DVec3::ZERO);
             for reading in &surface.readings {
                 let _ = write!(
                     text,

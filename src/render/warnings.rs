@@ -1,10 +1,10 @@
 //! What a user should know of a finished picture.
 
-use super::maps::is_worth_a_warning;
+use super::maps::{contradiction, is_worth_a_warning, listed};
 use super::stats::Statistics;
 use crate::image_io::take_tile_failures;
 use crate::media::MOST_MEDIA;
-use crate::scene::{IntegratorKind, Scene};
+use crate::scene::{IntegratorKind, MapKind, Scene};
 
 /// Adds what the counts tell.
 pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
@@ -21,9 +21,9 @@ pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
     }
     if is_worth_a_warning(counters.medium_mismatches, counters.interfaces) {
         warnings.push(format!(
-            "{} times a ray met an interface in another medium than the interface states on that side: check `inside` \
-             and `outside` of the materials and the direction of normals",
-            counters.medium_mismatches
+            "{} times a ray {}",
+            counters.medium_mismatches,
+            contradiction(&[])
         ));
     }
     if is_worth_a_warning(counters.rare_glints, counters.camera_rays) {
@@ -40,12 +40,22 @@ pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
                 .to_owned(),
         );
     }
+    let shown = match statistics.settings.map {
+        MapKind::Global => ("global", &statistics.plan.global_map),
+        MapKind::Caustic => ("caustic", &statistics.plan.caustic_map),
+    };
+    if statistics.settings.integrator == IntegratorKind::Photons && !shown.1.build {
+        warnings.push(format!(
+            "the picture is that of the {} map, which is not built ({}): it shows nothing but lamps; choose another --map",
+            shown.0, shown.1.reason
+        ));
+    }
     let overfull = scene.overfull();
     if !overfull.is_empty() {
         warnings.push(format!(
             "bodies of more than {MOST_MEDIA} media overlap at one place, of which only {MOST_MEDIA} are followed, so that light \
              behind them is wrong: give some of them the same medium, or take them apart ({})",
-            overfull.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+            listed(overfull.iter().copied())
         ));
     }
     let panics = scene.embree().panics();
