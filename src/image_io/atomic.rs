@@ -35,8 +35,9 @@ pub(super) fn write_atomically<E: From<io::Error>>(
 
 /// Whether [`write_atomically`] would write to `path` as things stand. Leaves nothing behind.
 pub(super) fn check(path: &Path) -> io::Result<()> {
-    let mut file = temporary_beside(&destination(path)?)?;
-    file.write_all(&PROBE).and_then(|()| file.as_file().sync_all())
+    let file = temporary_beside(&destination(path)?)?;
+    // Not through the temporary file, whose errors tell its name.
+    file.as_file().write_all(&PROBE).and_then(|()| file.as_file().sync_all())
 }
 
 /// Fills a file as [`write_atomically`] does, which then never takes its name.

@@ -154,6 +154,11 @@ fn write_remedy(path: &Path, cause: &io::Error) -> String {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
             format!("the disk of {folder} is full; free some space, or write elsewhere")
         }
+        ErrorKind::FileTooLarge => {
+            "it would be larger than this user may write (`ulimit -f`) or than its disk allows; raise the limit, or make a smaller \
+             picture"
+                .to_owned()
+        }
         ErrorKind::InvalidFilename => {
             "the name is too long or has characters that the disk refuses".to_owned()
         }
