@@ -11,7 +11,6 @@ use cardioid::measure::bvh::{BvhBenchSettings, BvhReport, bench_bvh};
 use cardioid::render::Observer;
 use cardioid::scene_file::{build_scene, is_mesh_file, mesh_scene};
 use clap::{Args, Subcommand};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -110,7 +109,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<ExitCode> {
     }
     for mesh in &args.meshes {
         let report = measure(args, mesh, &outputs)?;
-        writeln!(std::io::stdout().lock(), "{}", report.to_markdown())?;
+        super::print(&format!("{}\n", report.to_markdown()))?;
         if let Some(folder) = &args.output {
             write(folder, &stem(mesh), &report)?;
         }

@@ -9,7 +9,6 @@ use cardioid::image_io;
 use cardioid::measure::caustics::caustic_figure;
 use cardioid::scene_file::load_scene;
 use clap::Args;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -42,7 +41,7 @@ pub(super) fn run(args: &CausticArgs) -> Result<ExitCode> {
     let figure = caustic_figure(&description, &device, args.photons, &console);
     console.finish();
     let figure = figure?;
-    write!(std::io::stdout().lock(), "{}", figure.to_markdown())?;
+    super::print(&figure.to_markdown())?;
     if let Some(output) = &args.output {
         image_io::write_text(output, &figure.to_svg())?;
     }

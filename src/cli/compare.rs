@@ -9,7 +9,6 @@ use cardioid::measure::{ErrorFigures, Picture, Reference};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -173,11 +172,8 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode> {
         });
     }
     let text = if args.json { format!("{}\n", serde_json::to_string_pretty(&rows)?) } else { table(&rows) };
-    match io::stdout().write_all(text.as_bytes()) {
-        // Whoever reads has seen enough.
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(ExitCode::SUCCESS),
-        result => result.map(|()| ExitCode::SUCCESS).context("cannot write to standard output"),
-    }
+    super::print(&text)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// The reference, or its halves.

@@ -11,7 +11,7 @@ use cardioid::render::{Settings, Silent};
 use cardioid::scene::{Material, RenderPlan, Scene};
 use clap::Args;
 use serde::Serialize;
-use std::io::Write;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -67,7 +67,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         outputs.check_scene(&loaded.description)?;
         write_projection_maps(scene, &files)?;
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = String::new();
     if args.json {
         let described = |(name, material): &(String, Material)| DescribedMaterial {
             name: name.clone(),
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         };
         let materials = scene.materials().iter().map(described).collect();
         let value = Described { scene: scene.name(), materials, settings: &settings, plan: &plan };
-        writeln!(out, "{}", serde_json::to_string_pretty(&value)?)?;
+        super::print(&format!("{}\n", serde_json::to_string_pretty(&value)?))?;
         return Ok(ExitCode::SUCCESS);
     }
     writeln!(out, "{}", scene.name())?;
@@ -85,18 +85,19 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     writeln!(out, "  extent     radius {radius:.4} m around {:.4} m", scene.space().center)?;
     writeln!(out, "  geometry   {}", plan.geometry.join(", "))?;
     let flux_unit = 1.0 / (scene.space().power * scene.space().scale * scene.space().scale);
-    for light in scene.lights() {
+    for (number, light) in scene.lights().iter().enumerate() {
         let kind = match light {
-            Light::Area(_) => "area light",
-            Light::Point(_) => "point light",
-            Light::Spot(spot) if spot.is_profile() => "measured light",
-            Light::Spot(_) => "spot light",
-            Light::Directional(_) => "parallel light",
-            Light::Sun(_) => "sun",
-            Light::Environment(_) => "environment",
+            Light::Area(area) => format!("area light, {}", area.shape()),
+            Light::Point(_) => "point light".to_owned(),
+            Light::Spot(spot) if spot.is_profile() => "measured light".to_owned(),
+            Light::Spot(_) => "spot light".to_owned(),
+            Light::Directional(_) => "parallel light".to_owned(),
+            Light::Sun(_) => "sun".to_owned(),
+            Light::Environment(_) => "environment".to_owned(),
         };
+        let name = &scene.light_note(number).name;
         let flux = light.flux(scene.bounds().1) * flux_unit;
-        writeln!(out, "  light      {kind}, {:.4} {:.4} {:.4} W", flux.x, flux.y, flux.z)?;
+        writeln!(out, "  light      {name}: {kind}, {:.4} {:.4} {:.4} W", flux.x, flux.y, flux.z)?;
     }
     for (name, material) in scene.materials() {
         writeln!(out, "  material   {name}: {}", material.describe(scene.media()))?;
@@ -114,6 +115,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
             writeln!(out, "  {name:24} {value}")?;
         }
     }
+    super::print(&out)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -11,6 +11,7 @@ macro_rules! say {
 mod bench_bvh;
 mod bench_caustic;
 mod compare;
+mod hints;
 mod info;
 mod meaning;
 mod outputs;
@@ -21,13 +22,19 @@ mod progress;
 mod render;
 mod settings;
 mod tradeoff;
+mod upright;
 mod validate;
 
+use anyhow::Context;
+use cardioid::image_io;
 use clap::builder::ValueParser;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::fmt;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
+use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// What the program's end tells, for the end of the help.
 const EXIT_CODES: &str = "\
@@ -74,8 +81,10 @@ fn taking_any_value(command: clap::Command) -> clap::Command {
 
 /// Runs the program. Its exit codes are listed in [`EXIT_CODES`].
 pub(crate) fn run() -> ExitCode {
-    let cli = Cli::from_arg_matches(&taking_any_value(Cli::command()).get_matches())
-        .unwrap_or_else(|error| error.exit());
+    survive_file_limits();
+    let command = hints::knowing_other_names(taking_any_value(Cli::command()));
+    let matches = command.try_get_matches().unwrap_or_else(|error| hints::with_hint(error).exit());
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let outcome = match cli.command {
         Command::Render(args) => render::run(&args),
         Command::Photons(args) => photons::run(&args),
@@ -87,14 +96,34 @@ pub(crate) fn run() -> ExitCode {
         Command::Validate(args) => validate::run(&args),
     };
     outcome.unwrap_or_else(|error| {
-        // A pipe that the reader closed is no error: `cardioid info scene | head`.
-        let closed = error.downcast_ref::<std::io::Error>().map(std::io::Error::kind);
-        if closed == Some(std::io::ErrorKind::BrokenPipe) {
-            return ExitCode::SUCCESS;
-        }
         say!("error: {error:#}");
         ExitCode::FAILURE
     })
+}
+
+/// A file that grows beyond what the user may write (`ulimit -f`) is an error of that write, as a full disk is, and does not end
+/// the program.
+fn survive_file_limits() {
+    let ignored = Arc::new(AtomicBool::new(false));
+    // Where it cannot be caught, such a write ends the program as it would have done anyway.
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, ignored);
+}
+
+/// Writes a text to standard output. That the reader has seen enough (`cardioid info scene | head`) is no error.
+fn print(text: &str) -> anyhow::Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("cannot write to standard output"),
+    }
+}
+
+/// Writes a text to a file, or to standard output where there is none or it is named `-`.
+fn write_or_print(path: Option<&Path>, text: &str) -> anyhow::Result<()> {
+    match path.filter(|path| !image_io::is_standard_output(path)) {
+        Some(path) => Ok(image_io::write_text(path, text)?),
+        None => print(text),
+    }
 }
 
 /// A line on standard error, where that can be written.

@@ -1,18 +1,17 @@
 //! Options shared by the commands that read a scene, and how they read it.
 
 use super::outputs::Outputs;
+use super::upright::note_of_axis;
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::embree::Device;
 use cardioid::film::PixelRect;
 use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
-use cardioid::scene::{Geometry, Scene};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
     build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file, load_scene, mesh_scene,
 };
 use cardioid::textures::{set_picture_memory, set_texture_memory};
 use clap::Args;
-use glam::Vec3;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -133,6 +132,9 @@ pub(crate) fn load(
             Ok(scene)
         }
         (false, None) => load_scene(&args.scene, &args.set),
+        (false, Some(_)) if is_gltf_file(&args.scene) => {
+            bail!("--up is for a mesh alone: glTF has y up; export the model with that (`+Y Up` in Blender)")
+        }
         (false, Some(_)) => bail!("--up is for a mesh alone; a scene file says it by `fit` (`up = \"z\"`)"),
     };
     let description = description.map_err(|error| anyhow!("{error}"))?;
@@ -152,7 +154,7 @@ pub(crate) fn load(
         }
     }
     let is_free = is_mesh && args.up.is_none() && !args.set.iter().any(|(name, _)| name == "up");
-    if let Some(note) = is_free.then(|| up_note(&built.scene)).flatten() {
+    if let Some(note) = is_free.then(|| note_of_axis(&built.scene)).flatten() {
         say!("{note}");
     }
     let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
@@ -171,23 +173,6 @@ impl Loaded {
 /// Where a mesh comes alone, the place in the scene that the program puts around it says nothing.
 pub(crate) fn shorter(error: BuildError, is_mesh: bool) -> anyhow::Error {
     if is_mesh { anyhow::Error::new(error.problem) } else { error.into() }
-}
-
-/// A word to who renders a mesh that looks as if it lay on its back: deeper than it is high and wide, as things that stand
-/// are in files with z up. Nothing is turned by it.
-fn up_note(scene: &Scene) -> Option<&'static str> {
-    /// How much longer than the other two sides together with their mean.
-    const STANDING: f32 = 1.5;
-    let meshes = scene.surfaces().iter().filter_map(|surface| match &surface.geometry {
-        Geometry::Mesh(mesh) => Some(mesh.buffers.positions()),
-        Geometry::Procedural(_) => None,
-    });
-    let corners = meshes.flatten().map(|corner| Vec3::from_array(*corner));
-    let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    let (low, high) = corners.fold(empty, |(low, high), at| (low.min(at), high.max(at)));
-    let size = high - low;
-    (size.z > STANDING * size.x.max(size.y))
-        .then_some("note: this mesh is much deeper than high; where its file has z up, add --up z")
 }
 
 /// The camera in words.

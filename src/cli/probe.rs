@@ -4,13 +4,12 @@ use super::outputs::{Named, Outputs};
 use super::picture::{SceneArgs, load};
 use super::progress::{Console, catch_interrupts, interrupted};
 use super::settings::{SettingsArgs, count_from_one};
+use super::write_or_print;
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::files;
-use cardioid::image_io;
 use cardioid::render::{PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Settings, Silent, probe};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -40,7 +39,8 @@ pub(crate) struct ProbeArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, default_value = "0,1,0")]
     normal: DVec3,
 
-    /// From how far above a point, along its normal, its surface is looked for. Default: a ten-thousandth of the scene's radius.
+    /// How far above and below a point, along its normal, the surface nearest to it is looked for; where there is none, the first
+    /// one below is taken. Default: a ten-thousandth of the scene's radius.
     #[arg(long, value_name = "METRES", value_parser = lift)]
     lift: Option<f64>,
 
@@ -60,6 +60,10 @@ pub(crate) struct ProbeArgs {
     /// File to write; standard output where there is none, or `-`.
     #[arg(short, long, value_name = "FILE.csv")]
     output: Option<PathBuf>,
+
+    /// No progress bars and no notes.
+    #[arg(short, long)]
+    quiet: bool,
 
     #[command(flatten)]
     settings: SettingsArgs,
@@ -105,7 +109,9 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
         .context("cannot start the threads")?;
     pool.install(|| {
         let loaded = load(&args.scene, &outputs, &Silent, &|| ())?;
-        loaded.print_notes();
+        if !args.quiet {
+            loaded.print_notes();
+        }
         let scene = &loaded.built.scene;
         let radius = scene.space().metres(f64::from(scene.bounds().1));
         let request = ProbeRequest {
@@ -116,7 +122,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
             lift: args.lift.unwrap_or(1e-4 * radius),
             settings: Settings::from(&args.settings.over(&loaded.description.render)),
         };
-        let console = Console::new(false, None);
+        let console = Console::new(args.quiet, None);
         let probed = probe(scene, &request, &console);
         console.finish();
         let Some(probed) = probed? else {
@@ -126,11 +132,7 @@ pub(crate) fn run(args: &ProbeArgs) -> Result<ExitCode> {
         for warning in &probed.warnings {
             say!("warning: {warning}");
         }
-        let table = probed.to_csv();
-        match &args.output {
-            Some(output) => image_io::write_text(output, &table)?,
-            None => std::io::stdout().lock().write_all(table.as_bytes())?,
-        }
+        write_or_print(args.output.as_deref(), &probed.to_csv())?;
         Ok(ExitCode::SUCCESS)
     })
 }

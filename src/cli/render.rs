@@ -16,8 +16,7 @@ use cardioid::render::{
 use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -402,8 +401,8 @@ impl Pictures {
             Some(_) => outputs.add(&self.png, "the PNG beside the picture", Named::ByUs)?,
             None => outputs.add(&self.png, "the picture", named)?,
         }
-        if let Some(stats) = args.stats.as_deref().filter(|stats| !is_standard_output(stats)) {
-            outputs.add(stats, "--stats", Named::ByUser)?;
+        if let Some(stats) = &args.stats {
+            outputs.add_text(stats, "--stats", Named::ByUser)?;
         }
         Ok(outputs)
     }
@@ -493,17 +492,12 @@ fn layers_of(developed: &Developed) -> Vec<Layer> {
     layers.collect()
 }
 
-/// Whether a file to write is named `-`, as programs call standard output.
-fn is_standard_output(path: &Path) -> bool {
-    path.as_os_str() == "-"
-}
-
 /// Writes `--stats` and prints the table, where they are asked for.
 fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
     let mut printed = String::new();
     if let Some(path) = &args.stats {
         let text = serde_json::to_string_pretty(statistics)? + "\n";
-        match is_standard_output(path) {
+        match image_io::is_standard_output(path) {
             true => printed = text,
             false => image_io::write_text(path, &text)?,
         }
@@ -511,13 +505,7 @@ fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
     if args.stats_table {
         printed += &statistics.to_table();
     }
-    // Whoever reads may have seen enough.
-    match std::io::stdout().lock().write_all(printed.as_bytes()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(error).context("cannot write to standard output")
-        }
-        _ => Ok(()),
-    }
+    if printed.is_empty() { Ok(()) } else { super::print(&printed) }
 }
 
 /// What a picture needs to be made again.
@@ -622,7 +610,8 @@ fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool
                 );
             }
         }
-        None => say!("the relative error is not known after a single round"),
+        None if rounds.done < 2 => say!("the relative error is not known after a single round"),
+        None => say!("the relative error is not known: the picture is black"),
     }
 }
 

@@ -186,15 +186,12 @@ fn seed(text: &str) -> Result<u64, String> {
 }
 
 fn cache_samples(text: &str) -> Result<u32, String> {
-    match count_from_one(text)? {
-        rays @ 4.. => Ok(rays),
-        _ => Err("write a number of rays from 4 on".to_owned()),
-    }
+    count_within(text, 4, u64::from(u32::MAX)).map(|rays| rays as u32)
 }
 
 /// A number of rounds.
 fn rounds(text: &str) -> Result<u64, String> {
-    count(text).and_then(|rounds| if rounds == 0 { Err("must be at least 1".to_owned()) } else { Ok(rounds) })
+    count_within(text, 1, u64::MAX)
 }
 
 fn target_error(text: &str) -> Result<f64, String> {
@@ -220,10 +217,21 @@ fn share(text: &str) -> Result<f32, String> {
 
 /// A whole number, as people write large ones: `500000`, `500_000`, `500k`, `0.5M` or `5e5`.
 pub(crate) fn count(text: &str) -> Result<u64, String> {
-    let message = || "write a whole number of at least 0, for example 500000, 500k, 1.5M or 5e5".to_owned();
+    count_within(text, 0, u64::MAX)
+}
+
+/// [`count`] from `least` to `most`.
+fn count_within(text: &str, least: u64, most: u64) -> Result<u64, String> {
+    /// From here on an `f64` has not every whole number.
+    const LIMIT: u64 = 1 << 53;
+    let message = || {
+        let most = most.min(LIMIT - 1);
+        format!("write a whole number from {least} to {most}, for example 500000, 500k, 1.5M or 5e5")
+    };
+    let within = |number| if (least..=most).contains(&number) { Ok(number) } else { Err(message()) };
     let plain = text.replace('_', "");
     if let Ok(number) = plain.parse() {
-        return Ok(number);
+        return within(number);
     }
     // As a power of ten in the text, so that the number is rounded once, from what was written.
     let written = match plain.strip_suffix(['k', 'K']).map(|rest| (rest, 3)).or_else(|| {
@@ -233,11 +241,9 @@ pub(crate) fn count(text: &str) -> Result<u64, String> {
         Some((rest, power)) => format!("{rest}e{power}"),
         None => plain,
     };
-    /// From here on an `f64` has not every whole number.
-    const LIMIT: f64 = 9_007_199_254_740_992.0;
     match written.parse::<f64>() {
-        Ok(number) if number.fract() == 0.0 && (0.0..LIMIT).contains(&number) => Ok(number as u64),
-        Ok(number) if (0.0..LIMIT).contains(&number) => {
+        Ok(number) if number.fract() == 0.0 && (0.0..LIMIT as f64).contains(&number) => within(number as u64),
+        Ok(number) if (0.0..LIMIT as f64).contains(&number) => {
             Err(format!("{number} is not a whole number; write {:.0}", number.ceil()))
         }
         _ => Err(message()),
@@ -246,11 +252,8 @@ pub(crate) fn count(text: &str) -> Result<u64, String> {
 
 /// [`count`] from 1 to the largest `u32`.
 pub(crate) fn count_from_one(text: &str) -> Result<u32, String> {
-    match u32::try_from(count(text)?) {
-        Ok(0) => Err("must be at least 1".to_owned()),
-        Ok(number) => Ok(number),
-        Err(_) => Err(format!("must be at most {}", u32::MAX)),
-    }
+    // The bound is that of the type.
+    count_within(text, 1, u64::from(u32::MAX)).map(|number| number as u32)
 }
 
 fn radius(text: &str) -> Result<f64, String> {
@@ -516,8 +519,11 @@ mod tests {
         }
         assert!(count("2.5").is_err_and(|message| message.contains("write 3")));
         assert!(count("0.0005k").is_err());
-        assert!(count_from_one("0").is_err_and(|message| message.contains("at least 1")));
-        assert!(count_from_one("5G").is_err_and(|message| message.contains("at most")));
+        for text in ["0", "5G", "1e18", "99999999999999999999"] {
+            let told = count_from_one(text).unwrap_err();
+            assert!(told.contains("from 1 to 4294967295"), "{text}: {told}");
+        }
+        assert!(count("1e18").is_err_and(|message| message.contains("from 0 to 9007199254740991")));
         assert_eq!(count_from_one("4e9"), Ok(4_000_000_000));
     }
 }

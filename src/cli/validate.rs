@@ -3,12 +3,11 @@
 use super::outputs::{Named, Outputs};
 use super::progress::{Console, catch_interrupts, interrupted};
 use super::settings::count;
+use super::write_or_print;
 use anyhow::{Context, Result};
 use cardioid::embree::Device;
-use cardioid::image_io;
 use cardioid::measure::validate::{ValidateError, validate};
 use clap::Args;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -68,12 +67,9 @@ pub(super) fn run(args: &ValidateArgs) -> Result<ExitCode> {
         other => other?,
     };
     let page = validation.to_markdown();
-    match &args.output {
-        Some(output) => image_io::write_text(output, &page)?,
-        None => std::io::stdout().lock().write_all(page.as_bytes())?,
-    }
+    write_or_print(args.output.as_deref(), &page)?;
     if let Some(output) = &args.json {
-        image_io::write_text(output, &serde_json::to_string_pretty(&validation)?)?;
+        write_or_print(Some(output), &serde_json::to_string_pretty(&validation)?)?;
     }
     let (undecided, failures): (Vec<_>, Vec<_>) =
         validation.failures().partition(|row| row.is_undecided(validation.quantile));
