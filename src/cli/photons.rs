@@ -60,7 +60,7 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         let settings = Settings::from(&args.settings.over(&description.render));
         // Without a limit, what is free decides before photons are traced.
         if let Some(limit) = args.scene.memory_limit {
-            estimate.with_photons(&settings, &settings.plan(&built.scene)).check(Some(limit))?;
+            estimate.with_photons(&settings, &settings.plan(&built.scene), &built.scene).check(Some(limit))?;
         }
         let (pass, plan) = trace_photon_maps(&built.scene, &settings, &console)?;
         console.finish();

@@ -60,6 +60,7 @@ fn nanoseconds(time: Duration) -> u64 {
 pub(crate) struct Console {
     bar: Mutex<ProgressBar>,
     visible: bool,
+    is_quiet: bool,
     start: Instant,
     /// Nanoseconds from the start until rendering stops; the largest number where it does not.
     limit: AtomicU64,
@@ -71,6 +72,7 @@ impl Console {
         Self {
             bar: Mutex::new(ProgressBar::hidden()),
             visible: !quiet && std::io::stderr().is_terminal(),
+            is_quiet: quiet,
             start: Instant::now(),
             limit: AtomicU64::new(limit.map_or(u64::MAX, nanoseconds)),
         }
@@ -127,6 +129,16 @@ impl Observer for Console {
         if self.visible {
             self.bar.lock().unwrap_or_else(PoisonError::into_inner).set_position(done);
         }
+    }
+
+    fn foresee(&self, left: Duration, remedy: &str) {
+        /// So long nobody wonders.
+        const PATIENCE: Duration = Duration::from_secs(10);
+        if self.is_quiet || left < PATIENCE {
+            return;
+        }
+        let told = || say!("note: about {:.0} s more; {remedy}", left.as_secs_f64());
+        self.bar.lock().unwrap_or_else(PoisonError::into_inner).suspend(told);
     }
 
     fn should_stop(&self) -> bool {

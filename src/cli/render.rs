@@ -171,7 +171,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let plan = request.settings.plan(scene);
         // Without a limit, what is free decides before photons are traced.
         if let Some(limit) = args.scene.memory_limit {
-            loaded.estimate.with_photons(&request.settings, &plan).check(Some(limit))?;
+            loaded.estimate.with_photons(&request.settings, &plan, scene).check(Some(limit))?;
         }
         if let Some(saved) = &saved {
             let hash = photon_content_hash(&loaded.description).context("cannot hash the scene")?;

@@ -18,16 +18,22 @@ use std::f32::consts::{PI, TAU};
 /// More objects than this are put together with their neighbours before lights aim at them.
 const MOST_TARGETS: usize = 256;
 
+/// Up to so many lights each have a table for the global map, however few photons they emit.
+pub(crate) const FEW_LIGHTS: u64 = MOST_TARGETS as u64;
+
 /// Pairs of lights and objects that are looked at: with more lights, objects are put together further, down to
 /// [`FEW_TARGETS`], so that the tables of all lights grow no faster than lights and objects.
 const MOST_PAIRS: usize = 1 << 18;
 
 /// A light looks at so many objects, however many lights there are: among so few it needs no table of directions.
-const FEW_TARGETS: usize = 8;
+pub(crate) const FEW_TARGETS: usize = 8;
 
 /// Photons that take about as long as the table of a light: it gets one for the global map where it is to emit more, or where lights
 /// are few.
-const PHOTONS_PER_TABLE: f64 = 256.0;
+const PHOTONS_PER_TABLE: f64 = LEAST_FOR_A_TABLE as f64;
+
+/// The same as a whole number.
+pub(crate) const LEAST_FOR_A_TABLE: u64 = 256;
 
 /// A light whose photons would meet something less often than this, though they are sent where something may be, is aimed at the
 /// objects themselves: they are smaller than what its table can tell.

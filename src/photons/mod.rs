@@ -26,6 +26,7 @@ mod trace;
 
 pub use domain::{FEELERS, KernelDomain, Seen, Sight};
 pub use emission::{EmittedPhoton, Emitter};
+pub(crate) use emission::{FEW_LIGHTS, FEW_TARGETS, LEAST_FOR_A_TABLE};
 pub use estimate::{Estimate, EstimateParams, NARROWER};
 pub use file::{
     PHOTON_FILE_VERSION, PhotonFile, PhotonFileError, PhotonFileProblem, SavedPhotons, read_photon_file,

@@ -1,4 +1,4 @@
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Follows a render: shows progress, and may ask it to stop.
 pub trait Observer: Sync {
@@ -15,6 +15,9 @@ pub trait Observer: Sync {
     fn is_cancelled(&self) -> bool {
         self.should_stop()
     }
+
+    /// Told once, where that is known early, how long what is under way is likely to go on, and what makes it shorter.
+    fn foresee(&self, _left: Duration, _remedy: &str) {}
 
     /// When rendering is to end, if that is known: tracing photons then takes no more than a share of the time that is
     /// left (`PHOTON_SHARE` in `maps.rs`).

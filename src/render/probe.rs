@@ -14,6 +14,7 @@ use crate::scene::{RenderPlan, Scene, SurfaceInteraction};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::fmt::Write;
+use std::time::Instant;
 
 /// How irradiance is estimated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,9 +196,12 @@ pub fn probe(
     request: &ProbeRequest,
     observer: &dyn Observer,
 ) -> Result<Option<Probed>, RenderError> {
+    let asks = |wanted: ProbeEstimator| request.estimators.contains(&wanted);
     let settings = Settings {
         integrator: IntegratorKind::PhotonMap,
         irradiance_cache: false,
+        // What only gather rays read.
+        precomputed_irradiance: request.settings.precomputed_irradiance && asks(ProbeEstimator::Gather),
         ..request.settings.clone()
     };
     let landings: Vec<Option<Landing>> =
@@ -206,6 +210,7 @@ pub fn probe(
     receivers.sort_unstable();
     receivers.dedup();
     let plan = settings.plan(scene).with_receivers(scene, settings.integrator, receivers.len());
+    let begun = Instant::now();
     let needs_maps = request.estimators.iter().any(|&estimator| estimator != ProbeEstimator::Path);
     let batches = request.batches.max(1);
     let mut warnings = Vec::new();
@@ -238,6 +243,13 @@ pub fn probe(
         };
         if probing.run(&landings, &mut tallies, observer).is_none() {
             return Ok(None);
+        }
+        if batch == 0 && batches > 1 {
+            let remedy = format!(
+                "each of the {batches} batches has photon maps and samples of its own: fewer photons (--quality draft) or --samples are \
+                 faster, and fewer --batches, which tell the errors less well"
+            );
+            observer.foresee(begun.elapsed() * (batches - 1), &remedy);
         }
     }
     let lost = landings.iter().filter(|landing| landing.is_none()).count();
