@@ -128,6 +128,13 @@ fn what_is_wrong_is_named() {
     write("ball.toml", &ball("glass", POINT));
     let told = done(folder, &render("ball.toml", &[]));
     assert!(!told.contains("another medium") && !told.contains("inside a body"), "{told}");
+    // The camera in it.
+    write("inside.toml", &ball("glass", POINT).replace("eye = [0, 1, 5]", "eye = [0, 0, 0.5]"));
+    let told = done(folder, &render("inside.toml", &[]));
+    assert!(
+        told.contains("note: inside.toml") && told.contains("inside a body of `inside of glass`"),
+        "{told}"
+    );
     // A vertex of an OBJ.
     write("nan.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nv 1 1 0\nf 1 2 3\nf 1 2 4\n");
     let told = done(folder, &["info", "nan.obj"]);

@@ -5,10 +5,12 @@ use super::upright::note_of_axis;
 use anyhow::{Context, Result, anyhow, bail};
 use cardioid::embree::Device;
 use cardioid::film::PixelRect;
+use cardioid::media::AIR;
 use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
-    build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file, load_scene, mesh_scene,
+    SceneWarning, build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file,
+    load_scene, mesh_scene,
 };
 use cardioid::textures::{set_picture_memory, set_texture_memory};
 use clap::Args;
@@ -146,7 +148,8 @@ pub(crate) fn load(
     let device = Arc::new(Device::counting_memory(args.threads).context("cannot trace rays")?);
     let built = build_scene_watched(&description, &device, size, observer);
     when_built();
-    let built = built.map_err(|error| shorter(error, is_mesh))?;
+    let mut built = built.map_err(|error| shorter(error, is_mesh))?;
+    built.notes.extend(note_of_medium(&built));
     for warning in &built.warnings {
         match is_mesh {
             true => say!("warning: {}: {}", args.scene.display(), warning.message),
@@ -168,6 +171,16 @@ impl Loaded {
             say!("note: {}: {}", self.path.display(), note.message);
         }
     }
+}
+
+/// A word where the camera stands in a body: on purpose it is a picture from under water, by mistake one that nobody understands.
+fn note_of_medium(built: &BuiltScene) -> Option<SceneWarning> {
+    let medium = built.scene.medium_at(built.camera.eye()).medium();
+    let message = format!(
+        "the camera stands inside a body of `{}`, and what it sees is seen through that; where that is not meant, move it out",
+        built.scene.medium(medium).name
+    );
+    (medium != AIR).then(|| SceneWarning { location: built.view.location.clone(), message })
 }
 
 /// Where a mesh comes alone, the place in the scene that the program puts around it says nothing.
