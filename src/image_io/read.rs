@@ -31,8 +31,8 @@ pub fn read(path: impl AsRef<Path>) -> Result<Image, ImageError> {
 /// left as they are: still encoded for display where the file is a PNG or JPEG, alpha not multiplied in.
 ///
 /// Channels `layer.R`, `layer.G`, `layer.B` become a layer; those without a dot are the layer without a name, and those of a
-/// part of a multi-part EXR are named after it. Layers come in the order of their names, channels as R, G, B, A and then in
-/// the order of theirs. Metadata is that of the first part, apart from how the file is stored.
+/// part of a multi-part EXR are named after it. Layers come in the order of their names, channels as R, G, B, A or Y, A and then
+/// in the order of theirs. Metadata is that of the first part, apart from how the file is stored.
 ///
 /// Memory: the values twice, of 4 bytes each, and a few blocks of at most 128 MiB for each thread. Nothing of that is taken
 /// for a file that claims to be larger than `limit`.
@@ -208,6 +208,10 @@ impl Layers {
         }
         for (name, mut channels) in channels_of {
             channels.sort_by(|(a, _), (b, _)| conventional_order(a, b));
+            // Grey comes before its alpha.
+            if let [("A", _), ("Y", _)] = channels[..] {
+                channels.swap(0, 1);
+            }
             let data = pixels
                 .chunks_exact(names.len())
                 .flat_map(|pixel| channels.iter().map(|&(_, index)| pixel[index]))
@@ -267,6 +271,20 @@ mod tests {
             Layer::new("Z", &["R", "B", "A"], vec![6.0, 2.0, 4.0]),
         ];
         assert_eq!(layers.finish(), expected);
+    }
+
+    #[test]
+    fn grey_comes_before_its_alpha() {
+        for names in [["Y", "A"], ["A", "Y"]] {
+            let mut layers = Layers::default();
+            let values = names.map(|name| if name == "Y" { 0.25 } else { 1.0 });
+            layers.add("", &names.map(str::to_owned), &values).expect("no name twice");
+            assert_eq!(layers.finish(), [Layer::new("", &["Y", "A"], vec![0.25, 1.0])]);
+        }
+        // A vector is none of these.
+        let mut layers = Layers::default();
+        layers.add("", &["X", "Y", "Z"].map(str::to_owned), &[1.0, 2.0, 3.0]).expect("no name twice");
+        assert_eq!(layers.finish(), [Layer::new("", &["X", "Y", "Z"], vec![1.0, 2.0, 3.0])]);
     }
 
     #[test]
