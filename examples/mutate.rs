@@ -2,16 +2,21 @@
 //!
 //!     cargo run --release --example mutate -- TARGET|all EXECUTIONS [SEED]
 //!     cargo run --release --example mutate -- structure EXECUTIONS [SEED [FOLDER]]
+//!     cargo run --release --example mutate -- xml EXECUTIONS [SEED [FOLDER]]
 //!     cargo run --release --example mutate -- corpus FOLDER      # the files to begin with, for cargo fuzz
 //!
 //! `structure` mutates the JSON of glTF as a tree: first each of its values is left out, copied and replaced by one of each type, then
 //! several at a time at random. What is read is built as well. With FOLDER it writes the files and `verdicts.txt` instead, for
 //! comparison with another reader.
 //!
+//! `xml` mutates scenes of Mitsuba as trees, those of FOLDER too.
+//!
 //! The same seed makes the same files. What makes a reader fail is written to `TARGET.failure`.
 
 #[path = "../fuzz/common.rs"]
 mod common;
+#[path = "mutate/xml.rs"]
+mod xml;
 
 use cardioid::embree::Device;
 use cardioid::sampling::{Rng, Stream};
@@ -32,7 +37,7 @@ const POOL: usize = 256;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let usage = "usage: mutate TARGET|all|structure EXECUTIONS [SEED], or: mutate corpus FOLDER";
+    let usage = "usage: mutate TARGET|all|structure|xml EXECUTIONS [SEED], or: mutate corpus FOLDER";
     let (what, second) = (arguments.first().ok_or(usage)?, arguments.get(1).ok_or(usage)?);
     if what == "corpus" {
         for target in common::TARGETS {
@@ -48,6 +53,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seed = arguments.get(2).map_or(Ok(1), |text| text.parse())?;
     if what == "structure" {
         return run_structure(executions, seed, arguments.get(3).map(Path::new));
+    }
+    if what == "xml" {
+        let rich = common::seeds("mitsuba");
+        return xml::run(&rich[0], executions, seed, arguments.get(3).map(Path::new));
     }
     let targets = common::TARGETS.into_iter().filter(|target| what == "all" || what == target);
     let mut ran = 0;

@@ -7,12 +7,15 @@ use cardioid::render::{MapKind, blank_checkpoint_bytes, parse_checkpoint_bytes};
 use cardioid::scene_file::mesh::{MeshReport, TriangleMesh};
 use cardioid::scene_file::obj::{ObjFile, parse_mtl_bytes, parse_obj_bytes};
 use cardioid::scene_file::ply::{MEMORY_FACTOR, parse_ply};
-use cardioid::scene_file::{parse_gltf_bytes, parse_ies_bytes, parse_scene, parse_stl_bytes};
+use cardioid::scene_file::{
+    parse_gltf_bytes, parse_ies_bytes, parse_mitsuba_bytes, parse_scene, parse_stl_bytes,
+};
 use glam::Vec3;
 use std::path::Path;
 
 /// Names of the targets.
-pub(crate) const TARGETS: [&str; 8] = ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds"];
+pub(crate) const TARGETS: [&str; 9] =
+    ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds", "mitsuba"];
 
 /// Pixels of the render in rounds.
 const ROUNDS_SIZE: (u32, u32) = (3, 2);
@@ -64,6 +67,16 @@ pub(crate) fn execute(target: &str, bytes: &[u8]) -> bool {
             }
             Err(error) => {
                 assert!(error.to_string().contains("a.gltf"), "{error}");
+                false
+            }
+        },
+        "mitsuba" => match parse_mitsuba_bytes(bytes, Path::new("a.xml"), &[]) {
+            Ok(scene) => {
+                assert!(scene.shapes.len() + scene.instances.len() + scene.lights.len() <= bytes.len());
+                true
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("a.xml"), "{error}");
                 false
             }
         },
@@ -237,6 +250,10 @@ material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = 30, axis = 
         "ies" => vec![
             b"IESNA:LM-63-2002\n[TEST] a\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1.0 1.0 10\n0 45 90\n0\n100 50 0\n".to_vec(),
             b"IESNA91\nTILT=INCLUDE\n1\n2\n0 90\n1 1\n1 -1 0.5 2 2 1 1 0.1 0.1 0\n1 1 10\n0 180\n0 90\n1 2\n3 4\n".to_vec(),
+        ],
+        "mitsuba" => vec![
+            include_bytes!("rich.xml").to_vec(),
+            b"<scene version=\"0.6.0\"><shape type=\"sphere\"><bsdf type=\"diffuse\"><srgb name=\"diffuseReflectance\" value=\"#102030\"/></bsdf></shape></scene>".to_vec(),
         ],
         "rounds" => blank_checkpoint_bytes(ROUNDS_SIZE).into_iter().collect(),
         other => panic!("no target `{other}`"),

@@ -10,7 +10,7 @@ use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
     SceneWarning, build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file,
-    load_scene, mesh_scene,
+    is_mitsuba_file, load_scene, mesh_scene, mitsuba_scene,
 };
 use cardioid::textures::{set_picture_memory, set_texture_memory};
 use clap::Args;
@@ -20,12 +20,12 @@ use std::sync::Arc;
 /// Which scene, and what of it.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML), a glTF file (.gltf, .glb), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
+    /// Scene file (TOML), a glTF file (.gltf, .glb), a scene of Mitsuba (.xml), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
     #[arg(value_name = "SCENE")]
     pub(crate) scene: PathBuf,
 
-    /// Value of one of the scene's parameters; paths are relative to the current folder.
-    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = name_and_value)]
+    /// Value of one of the scene's parameters; paths are relative to the current folder (of Mitsuba's, to the scene's).
+    #[arg(short = 'D', long = "set", value_name = "NAME=VALUE", value_parser = name_and_value)]
     pub(crate) set: Vec<(String, String)>,
 
     /// Axis of a mesh alone that points up: y (the default) or z.
@@ -133,6 +133,7 @@ pub(crate) fn load(
             }
             Ok(scene)
         }
+        (false, None) if is_mitsuba_file(&args.scene) => mitsuba_scene(&args.scene, &args.set),
         (false, None) => load_scene(&args.scene, &args.set),
         (false, Some(_)) if is_gltf_file(&args.scene) => {
             bail!("--up is for a mesh alone: glTF has y up; export the model with that (`+Y Up` in Blender)")
@@ -165,10 +166,20 @@ pub(crate) fn load(
 }
 
 impl Loaded {
+    /// The part of the picture that the scene asks for, where the picture has the size that it says.
+    pub(crate) fn crop(&self) -> Option<PixelRect> {
+        let FilmDescription { width, height, crop, .. } = self.description.film;
+        crop.filter(|_| self.size == (width, height))
+    }
+
     /// Says on standard error what was guessed.
     pub(crate) fn print_notes(&self) {
         for note in &self.built.notes {
-            say!("note: {}: {}", self.path.display(), note.message);
+            match note.location.line {
+                // Scenes of others say where; a mesh alone has no lines that say anything.
+                1.. if is_mitsuba_file(&self.path) => say!("note: {note}"),
+                _ => say!("note: {}: {}", self.path.display(), note.message),
+            }
         }
     }
 }

@@ -260,7 +260,7 @@ fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
     RenderRequest {
         width: loaded.size.0,
         height: loaded.size.1,
-        crop: args.crop,
+        crop: args.crop.or_else(|| loaded.crop()),
         filter: filter_of(loaded.description.film.filter),
         layers: LayerSet { samples: settings.adaptive && !args.beauty_only, ..layers },
         settings,

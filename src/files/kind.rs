@@ -80,7 +80,7 @@ const BY_CONTENT: &[(usize, &[u8], &str, &str)] = &[
 const BY_WORD: &[(&[u8], &str, &str)] = &[
     (b"<COLLADA", "a COLLADA file", TO_GLTF),
     (b"<X3D", "an X3D file", MESH),
-    (b"<scene", "a scene of Mitsuba (XML)", SCENE_OF_OTHERS),
+    (b"<scene", "a scene of Mitsuba (XML)", "give its name the ending .xml, and render that"),
     (b"<?xml", "XML", SCENE_OF_OTHERS),
     (b"WorldBegin", "a scene of pbrt", SCENE_OF_OTHERS),
     (b"\nAttributeBegin", "a scene of pbrt", SCENE_OF_OTHERS),

@@ -2,7 +2,7 @@
 
 use crate::math::{Rgb, luminance};
 use crate::sampling::{Corners, SphereDensity, direction_to_square, warp};
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, Mat3, Vec2, Vec3};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -21,6 +21,8 @@ struct Turned {
     map: Arc<EnvironmentMap>,
     /// Cosine and sine of the turn.
     turn: Vec2,
+    /// Axes that those of the turned map become; `None` where it stands upright.
+    axes: Option<Mat3>,
 }
 
 /// Radiance in longitude and latitude, bilinear between the centres of pixels, with a density for drawing directions.
@@ -119,7 +121,13 @@ impl EnvironmentLight {
     /// `map` turned by `turn` radians around the y axis, counter-clockwise as seen from above, times `factor`.
     pub fn of_map(map: Arc<EnvironmentMap>, turn: f64, factor: Rgb) -> Self {
         let turn = Vec2::new(turn.cos() as f32, turn.sin() as f32);
-        Self { radiance: factor, map: Some(Turned { map, turn }) }
+        Self { radiance: factor, map: Some(Turned { map, turn, axes: None }) }
+    }
+
+    /// The same with its map tilted: its axes, after the turn, become these, of unit length and at right angles, perhaps mirrored.
+    #[must_use]
+    pub fn with_axes(self, axes: Option<Mat3>) -> Self {
+        Self { map: self.map.map(|turned| Turned { axes, ..turned }), ..self }
     }
 
     /// Whether it looks the same in every direction.
@@ -167,13 +175,16 @@ impl EnvironmentLight {
 
 impl Turned {
     fn to_map(&self, d: Vec3) -> Vec3 {
+        // Rounding must not make a direction longer than one.
+        let d = self.axes.map_or(d, |axes| (axes.transpose() * d).normalize_or(d));
         let (cos, sin) = (self.turn.x, self.turn.y);
         Vec3::new(cos * d.x - sin * d.z, d.y, sin * d.x + cos * d.z)
     }
 
     fn outward(&self, d: Vec3) -> Vec3 {
         let (cos, sin) = (self.turn.x, self.turn.y);
-        Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x)
+        let d = Vec3::new(cos * d.x + sin * d.z, d.y, cos * d.z - sin * d.x);
+        self.axes.map_or(d, |axes| (axes * d).normalize_or(d))
     }
 }
 
@@ -225,6 +236,27 @@ mod tests {
         );
         assert!(light.radiance_from(Vec3::NEG_X).x > 0.98);
         assert!(light.radiance_from(Vec3::X).x == 0.0 && light.radiance_from(Vec3::NEG_Z).x < 1e-3);
+    }
+
+    /// A tilted map shows its pole where its axis is, and directions that are drawn come back to the map, mirrored or not.
+    #[test]
+    fn axes_tilt_the_map() {
+        for mirror in [1.0, -1.0] {
+            let axes = Mat3::from_cols(Vec3::X * mirror, Vec3::Z, Vec3::NEG_Y);
+            let light = EnvironmentLight::of_map(Arc::new(lobe(256, Vec3::Y, 30)), 0.7, Rgb::ONE);
+            let light = light.with_axes(Some(axes));
+            assert!(light.radiance_from(Vec3::Z).x > 0.98 && light.radiance_from(Vec3::Y).x < 1e-3);
+            let light = EnvironmentLight::of_map(Arc::new(lobe(256, Vec3::X, 30)), 0.0, Rgb::ONE);
+            let light = light.with_axes(Some(axes));
+            assert!(light.radiance_from(Vec3::X * mirror).x > 0.98);
+            let mut rng = Rng::new(5, Stream::Measure, 0);
+            for _ in 0..1000 {
+                let (direction, over_pdf, pdf) = light.sample(rng.next_2d()).unwrap();
+                assert!((direction.length() - 1.0).abs() < 1e-5);
+                let again = light.radiance_from(direction) / light.pdf_solid_angle(direction);
+                assert!((again.x / over_pdf.x - 1.0).abs() < 0.01, "{again} {over_pdf} {pdf}");
+            }
+        }
     }
 
     #[test]

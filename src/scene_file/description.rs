@@ -5,6 +5,7 @@ use super::generate::Generator;
 use super::mesh::TriangleMesh;
 use super::room::Choice;
 use crate::bsdf::Bsdf;
+use crate::film::PixelRect;
 use crate::math::{Bounds3, Rgb};
 use crate::render::Overrides;
 use crate::scene::{IlluminationKernel, LayeredMaterial, Tangent};
@@ -98,6 +99,8 @@ pub struct SceneDescription {
     pub notes: Vec<SceneWarning>,
     /// Files beside the first one that were read for this description: they count for its hash.
     pub further_files: Vec<PathBuf>,
+    /// Values that the file was read with and that are in nothing else here: they count for its hash.
+    pub parameters: Vec<(String, String)>,
 }
 
 /// Which side of the picture a field of view spans.
@@ -181,6 +184,8 @@ pub struct FilmDescription {
     pub exposure: Option<f64>,
     /// Stops that are added to every exposure that is given, whoever gives it: what the scene takes for white.
     pub white: f64,
+    /// The part of the picture that is rendered; `None` for all of it.
+    pub crop: Option<PixelRect>,
 }
 
 /// A homogeneous medium.
@@ -302,6 +307,16 @@ pub enum MeshNormals {
     Flat,
     /// Computed: angle-weighted mean of the faces around a vertex.
     Smooth,
+    /// Those of the file, which say which side of a triangle is its front, whatever the order of its corners; computed where the file
+    /// has none.
+    Leading,
+}
+
+impl MeshNormals {
+    /// Whether those of the file are looked at.
+    pub(super) fn are_read(self) -> bool {
+        matches!(self, Self::FromFile | Self::Leading)
+    }
 }
 
 /// Geometry in the shape's own space (metres once the transform, which includes the file's unit, is applied).
@@ -527,6 +542,9 @@ pub enum LightDescription {
         image: PathBuf,
         /// Counter-clockwise as seen from above, radians.
         turn: f64,
+        /// Axes of unit length at right angles, perhaps mirrored, that x, y and z of the turned picture become; `None` where it
+        /// stands upright.
+        axes: Option<DMat3>,
         /// W/(m^2 sr) for one of the picture.
         factor: DVec3,
     },
@@ -544,6 +562,8 @@ pub enum LightDescription {
         factor: DVec3,
         /// Whether the sun's disc shines.
         sun: bool,
+        /// Axes that x, y (the zenith) and z of the sky become, as for a picture.
+        axes: Option<DMat3>,
     },
     /// A cone of light from a point.
     Spot {

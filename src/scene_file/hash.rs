@@ -1,6 +1,7 @@
 use super::description::{GeometryDescription, LightDescription, Named, SceneDescription, ShapeDescription};
 use super::gltf::{further_files, is_gltf_file};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
+use super::mitsuba::is_mitsuba_file;
 use super::obj::material_files;
 use crate::files::open_regular;
 use std::fmt::{self, Write};
@@ -34,12 +35,17 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
 /// # Errors
 /// Where a mesh file cannot be read any more.
 pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
-    if is_gltf_file(&scene.location.file) {
-        // All of it is in the file.
+    let is_gltf = is_gltf_file(&scene.location.file);
+    if is_gltf || is_mitsuba_file(&scene.location.file) {
+        // All of it is in the file, in those that it names, and in what it was read with.
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader(open_regular(&*scene.location.file)?.0)?;
+        for (name, value) in &scene.parameters {
+            hasher.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes());
+            hasher.update(&(value.len() as u64).to_le_bytes()).update(value.as_bytes());
+        }
         // And what was guessed about it.
-        for note in &scene.notes {
+        for note in scene.notes.iter().filter(|_| is_gltf) {
             hasher.update(&(note.message.len() as u64).to_le_bytes()).update(note.message.as_bytes());
         }
         hash_files(scene, &mut hasher)?;
@@ -65,6 +71,8 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
         light_photons,
         // Their content, by `hash_files`.
         further_files: _,
+        // What they changed is in the rest.
+        parameters: _,
     } = scene;
     let mut hasher = blake3::Hasher::new();
     // Numbers print as the shortest text that reads as the same number, so different ones print differently.

@@ -227,6 +227,22 @@ impl TriangleMesh {
         }
     }
 
+    /// Turns triangles around whose normals face the other way; computes smooth normals where there are none.
+    pub fn follow_normals(&mut self) {
+        let Some(normals) = &self.normals else {
+            self.normals = Some(self.smooth_normals());
+            return;
+        };
+        let positions = &self.positions;
+        self.triangles.par_iter_mut().with_min_len(AT_ONCE).for_each(|triangle| {
+            let [a, b, c] = positions.corners(*triangle);
+            let mean: Vec3 = triangle.iter().map(|vertex| normals[*vertex as usize]).sum();
+            if (b - a).cross(c - a).dot(mean.as_dvec3()) < 0.0 {
+                triangle.swap(1, 2);
+            }
+        });
+    }
+
     /// Smooth shading normals: for each vertex the mean of the faces around it, weighted by their angles there
     /// (Thürmer & Wüthrich 1998), unit length. Zero where a vertex has no face or its faces cancel.
     ///
@@ -281,6 +297,30 @@ mod tests {
             triangulate_polygon(quad, |vertex| positions.get(vertex), &mut triangles);
         }
         TriangleMesh { positions, triangles, normals: None, uvs: None }
+    }
+
+    /// A square whose second half is wound the other way, with normals that say where it faces.
+    #[test]
+    fn triangles_follow_their_normals() {
+        let square = |normals: Option<Vec<Vec3>>| TriangleMesh {
+            positions: Positions::Double(vec![
+                [0.0, 0.0, 0.0],
+                [1.0, 0.0, 0.0],
+                [1.0, 1.0, 0.0],
+                [0.0, 1.0, 0.0],
+            ]),
+            triangles: vec![[0, 1, 2], [0, 3, 2]],
+            normals,
+            uvs: None,
+        };
+        for (normal, expected) in [(Vec3::Z, [[0, 1, 2], [0, 2, 3]]), (Vec3::NEG_Z, [[0, 2, 1], [0, 3, 2]])] {
+            let mut mesh = square(Some(vec![normal; 4]));
+            mesh.follow_normals();
+            assert_eq!(mesh.triangles, expected);
+        }
+        let mut mesh = square(None);
+        mesh.follow_normals();
+        assert!(mesh.normals.is_some() && mesh.triangles == [[0, 1, 2], [0, 3, 2]]);
     }
 
     #[test]

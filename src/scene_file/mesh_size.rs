@@ -104,9 +104,9 @@ fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
     size.has_normals = match normals {
         MeshNormals::FromFile => size.has_normals,
         MeshNormals::Flat => false,
-        MeshNormals::Smooth => true,
+        MeshNormals::Smooth | MeshNormals::Leading => true,
     };
-    if normals == MeshNormals::Smooth {
+    if matches!(normals, MeshNormals::Smooth | MeshNormals::Leading) {
         // Sums in double precision.
         size.reading = size.reading.saturating_add(size.vertices.saturating_mul(24));
     }

@@ -5,7 +5,7 @@ use super::place::{choose_normals, similarity};
 use super::{BuildError, BuildProblem, begin_reading, error_of};
 use crate::render::Observer;
 use crate::scene_file::description::{
-    CameraDescription, FitDescription, FitMoves, GeometryDescription, LightDescription, MeshNormals, Named,
+    CameraDescription, FitDescription, FitMoves, GeometryDescription, LightDescription, Named,
     ProfileBrightness, SceneDescription, SceneWarning, ShapeDescription,
 };
 use crate::scene_file::enclosure::Triangles;
@@ -55,12 +55,8 @@ pub(super) fn settle(
             observer.advance(done);
             !observer.is_cancelled()
         };
-        let reading = MeshReading {
-            normals: *normals == MeshNormals::FromFile,
-            uvs: false,
-            colours: false,
-            progress: &progress,
-        };
+        let reading =
+            MeshReading { normals: normals.are_read(), uvs: false, colours: false, progress: &progress };
         let (mut mesh, report) =
             read_mesh_file_with(path, &reading).map_err(|problem| error(problem.into()))?;
         if let Some(cloud) = report.cloud {

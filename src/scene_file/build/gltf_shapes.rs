@@ -46,6 +46,11 @@ pub(super) fn with_normals(mesh: &Arc<TriangleMesh>, normals: MeshNormals) -> Ar
         MeshNormals::Smooth => {
             Arc::new(TriangleMesh { normals: Some(mesh.smooth_normals()), ..TriangleMesh::clone(mesh) })
         }
+        MeshNormals::Leading => {
+            let mut mesh = TriangleMesh::clone(mesh);
+            mesh.follow_normals();
+            Arc::new(mesh)
+        }
     }
 }
 

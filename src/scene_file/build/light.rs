@@ -11,7 +11,7 @@ use crate::scene::RenderSpace;
 use crate::scene_file::description::{LightDescription, ProfileBrightness};
 use crate::scene_file::ies::read_ies;
 use crate::textures::read_picture;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,13 +25,43 @@ const SKY_ROWS: usize = 512;
 /// A light with everything that it is read from; metres and watts.
 #[derive(Debug)]
 pub(super) enum LightSource {
-    Point { position: DVec3, intensity: DVec3 },
-    Directional { direction: DVec3, irradiance: DVec3 },
-    Environment { radiance: DVec3 },
-    Map { map: Arc<EnvironmentMap>, turn: f64, factor: DVec3 },
-    Sky { map: Arc<EnvironmentMap>, factor: DVec3, sun: Option<(DVec3, DVec3)> },
-    Spot { position: DVec3, direction: DVec3, intensity: DVec3, cone: Cone },
-    Profile { position: DVec3, direction: DVec3, along: DVec3, factor: DVec3, profile: Arc<Profile> },
+    Point {
+        position: DVec3,
+        intensity: DVec3,
+    },
+    Directional {
+        direction: DVec3,
+        irradiance: DVec3,
+    },
+    Environment {
+        radiance: DVec3,
+    },
+    Map {
+        map: Arc<EnvironmentMap>,
+        turn: f64,
+        axes: Option<DMat3>,
+        factor: DVec3,
+    },
+    /// `sun`: towards it, and its irradiance.
+    Sky {
+        map: Arc<EnvironmentMap>,
+        axes: Option<DMat3>,
+        factor: DVec3,
+        sun: Option<(DVec3, DVec3)>,
+    },
+    Spot {
+        position: DVec3,
+        direction: DVec3,
+        intensity: DVec3,
+        cone: Cone,
+    },
+    Profile {
+        position: DVec3,
+        direction: DVec3,
+        along: DVec3,
+        factor: DVec3,
+        profile: Arc<Profile>,
+    },
 }
 
 impl LightSource {
@@ -44,15 +74,16 @@ impl LightSource {
                 Self::Directional { direction, irradiance }
             }
             LightDescription::Environment { radiance } => Self::Environment { radiance },
-            LightDescription::EnvironmentMap { ref image, turn, factor } => {
-                Self::Map { map: Arc::new(read_map(image, &mut findings)?), turn, factor }
+            LightDescription::EnvironmentMap { ref image, turn, axes, factor } => {
+                Self::Map { map: Arc::new(read_map(image, &mut findings)?), turn, axes, factor }
             }
-            LightDescription::Sky { elevation, azimuth, turbidity, albedo, factor, sun } => {
+            LightDescription::Sky { elevation, azimuth, turbidity, albedo, factor, sun, axes } => {
                 let sky =
                     Sky::new(elevation, azimuth, turbidity, albedo.as_vec3()).ok_or(BuildProblem::Sky)?;
                 let map = Arc::new(sky.map(SKY_ROWS, sun).ok_or(BuildProblem::Sky)?);
-                let sun = sun.then(|| (sky.towards_sun(), sky.sun_irradiance()));
-                Self::Sky { map, factor, sun }
+                let turned = |direction: DVec3| axes.map_or(direction, |axes| axes * direction);
+                let sun = sun.then(|| (turned(sky.towards_sun()), sky.sun_irradiance()));
+                Self::Sky { map, axes, factor, sun }
             }
             LightDescription::Spot { position, direction, intensity, inner, outer } => {
                 Self::Spot { position, direction, intensity, cone: Cone::new(inner, outer) }
@@ -83,7 +114,7 @@ impl LightSource {
             Self::Directional { irradiance, .. } => *irradiance * disc,
             Self::Environment { radiance } => *radiance * (4.0 * PI * disc),
             Self::Map { map, factor, .. } => *factor * map.integral() * disc,
-            Self::Sky { map, factor, sun } => {
+            Self::Sky { map, factor, sun, .. } => {
                 *factor * (map.integral() + sun.map_or(DVec3::ZERO, |(_, irradiance)| irradiance)) * disc
             }
             Self::Spot { intensity, cone, .. } => *intensity * (cone.flux() * area),
@@ -108,11 +139,13 @@ impl LightSource {
             Self::Environment { radiance } => {
                 Light::Environment(EnvironmentLight::constant(scaled(*radiance)))
             }
-            Self::Map { map, turn, factor } => {
-                Light::Environment(EnvironmentLight::of_map(Arc::clone(map), *turn, scaled(*factor)))
+            Self::Map { map, turn, axes, factor } => {
+                let light = EnvironmentLight::of_map(Arc::clone(map), *turn, scaled(*factor));
+                Light::Environment(light.with_axes(axes.map(|axes| axes.as_mat3())))
             }
-            Self::Sky { map, factor, sun } => {
+            Self::Sky { map, axes, factor, sun } => {
                 let sky = EnvironmentLight::of_map(Arc::clone(map), 0.0, scaled(*factor));
+                let sky = sky.with_axes(axes.map(|axes| axes.as_mat3()));
                 let sun = sun.map(|(towards, irradiance)| {
                     let sun = SunLight::new(unit(towards), SUN_ANGULAR_RADIUS, scaled(irradiance * *factor));
                     (" (sun)", Light::Sun(sun))

@@ -79,12 +79,8 @@ impl Source {
         let source = match description {
             GeometryDescription::MeshFile { path, normals, fit, .. } => {
                 // Surfaces have no use for texture coordinates.
-                let reading = MeshReading {
-                    normals: *normals == MeshNormals::FromFile,
-                    uvs: false,
-                    colours: false,
-                    progress,
-                };
+                let reading =
+                    MeshReading { normals: normals.are_read(), uvs: false, colours: false, progress };
                 let (mut mesh, found) = read_mesh_file_with(path, &reading)?;
                 report = found;
                 choose_normals(&mut mesh, *normals);
@@ -337,6 +333,7 @@ pub(super) fn choose_normals(mesh: &mut TriangleMesh, normals: MeshNormals) {
         MeshNormals::FromFile => {}
         MeshNormals::Flat => mesh.normals = None,
         MeshNormals::Smooth => mesh.normals = Some(mesh.smooth_normals()),
+        MeshNormals::Leading => mesh.follow_normals(),
     }
 }
 

@@ -342,6 +342,7 @@ fn blank(path: &Path) -> SceneDescription {
             filter: FilterDescription::Gaussian { radius: 1.5, sigma: 0.5 },
             exposure: Some(0.0),
             white: 0.0,
+            crop: None,
         },
         render: Overrides::default(),
         textures: Vec::new(),
@@ -355,6 +356,7 @@ fn blank(path: &Path) -> SceneDescription {
         warnings: Vec::new(),
         notes: Vec::new(),
         further_files: Vec::new(),
+        parameters: Vec::new(),
     }
 }
 

@@ -127,7 +127,12 @@ fn read_environment(table: &mut Table<'_>) -> Option<LightDescription> {
     let image = read_file(image);
     let turn = table.or("rotation", 0.0, |value| value.number(&NUMBER));
     let factor = table.or("scale", DVec3::ONE, |value| value.colour(&NON_NEGATIVE));
-    Some(LightDescription::EnvironmentMap { image: image?, turn: turn?.to_radians(), factor: factor? })
+    Some(LightDescription::EnvironmentMap {
+        image: image?,
+        turn: turn?.to_radians(),
+        axes: None,
+        factor: factor?,
+    })
 }
 
 fn read_sky(table: &mut Table<'_>) -> Option<LightDescription> {
@@ -163,6 +168,7 @@ fn read_sky(table: &mut Table<'_>) -> Option<LightDescription> {
         albedo: albedo?,
         factor: factor?,
         sun: sun?,
+        axes: None,
     })
 }
 

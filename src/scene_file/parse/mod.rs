@@ -203,6 +203,7 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
         warnings: Vec::new(),
         notes: Vec::new(),
         further_files: Vec::new(),
+        parameters: Vec::new(),
     })
 }
 

@@ -113,6 +113,7 @@ pub(super) fn default_film() -> FilmDescription {
         filter: FilterDescription::Box { radius: 0.5 },
         exposure: None,
         white: 0.0,
+        crop: None,
     }
 }
 
@@ -132,7 +133,7 @@ pub(super) fn read_film(mut table: Table<'_>) -> Option<FilmDescription> {
         return None;
     }
     let (width, height) = (u32::try_from(width).ok()?, u32::try_from(height).ok()?);
-    Some(FilmDescription { width, height, filter: filter?, exposure: exposure?, white: 0.0 })
+    Some(FilmDescription { width, height, filter: filter?, exposure: exposure?, white: 0.0, crop: None })
 }
 
 #[derive(Clone, Copy)]

@@ -1,0 +1,256 @@
+//! Scenes of Mitsuba (XML, versions 0.5 to 3) by themselves. What becomes of each part is in `docs/mitsuba.md`.
+
+mod bsdf;
+mod cie;
+mod error;
+mod facets;
+mod indices;
+mod light;
+mod material;
+mod parse;
+mod principled;
+mod report;
+mod serialized;
+mod shape;
+mod spectrum;
+mod tessellate;
+#[cfg(test)]
+mod tests;
+mod texture;
+mod value;
+mod vertices;
+mod view;
+mod xml;
+
+use self::bsdf::Surface;
+use self::error::{Fault, Sources, fail};
+use self::material::Finished;
+use self::parse::{MOST_BYTES, Parsed};
+use self::report::Report;
+use self::texture::Use;
+use self::value::{Object, Value, shown};
+use self::xml::Place;
+use super::description::{Location, MediumDescription, Named, SceneDescription};
+use super::diagnostic::SceneFileError;
+use crate::files::{foreign_by_content, read_regular, text_of};
+use crate::render::Overrides;
+use crate::textures::{ImageTexture, TextureBudget};
+use glam::DVec3;
+use std::collections::HashMap;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// Endings of scenes of Mitsuba.
+pub const MITSUBA_EXTENSIONS: &[&str] = &["xml"];
+
+/// Objects in objects, at most: beyond, they hold each other.
+const DEEPEST: usize = 64;
+
+/// Whether a file is a scene of Mitsuba by its name.
+pub fn is_mitsuba_file(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    MITSUBA_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known))
+}
+
+/// Reads a scene of Mitsuba. `parameters` are values of its `$parameters`, which go over `<default>`.
+///
+/// # Errors
+/// Where the file, or another that it names, cannot be read, or says what is not modelled: with file, line and what to do.
+pub fn mitsuba_scene(
+    path: &Path,
+    parameters: &[(String, String)],
+) -> Result<SceneDescription, SceneFileError> {
+    let bytes = read_regular(path, MOST_BYTES).map_err(|source| {
+        let remedy = match source.kind() {
+            ErrorKind::NotFound => "check the name of the scene file",
+            ErrorKind::PermissionDenied => "check the permissions of the file",
+            _ => "name a scene of Mitsuba (XML)",
+        };
+        SceneFileError::Io { path: path.to_path_buf(), source, remedy }
+    })?;
+    parse_mitsuba_bytes(&bytes, path, parameters)
+}
+
+/// [`mitsuba_scene`] of a file's bytes; messages call it `path`, and other files that it names are looked for beside that.
+///
+/// # Errors
+/// As [`mitsuba_scene`]. Nothing panics, whatever the bytes are.
+pub fn parse_mitsuba_bytes(
+    bytes: &[u8],
+    path: &Path,
+    parameters: &[(String, String)],
+) -> Result<SceneDescription, SceneFileError> {
+    if let Some(kind) = foreign_by_content(path, bytes) {
+        return Err(SceneFileError::Foreign { path: path.to_path_buf(), kind });
+    }
+    let text = text_of(bytes).map(|text| String::from_utf8(text.into_owned()));
+    let text = match text {
+        Ok(Ok(text)) => text,
+        Ok(Err(error)) => {
+            let valid = error.utf8_error().valid_up_to();
+            let byte = error.as_bytes().get(valid).copied().unwrap_or(0);
+            let location = Location { file: Arc::new(path.to_path_buf()), line: 0, column: 0 };
+            return Err(SceneFileError::NotUtf8 { location, byte });
+        }
+        Err(_) => String::new(),
+    };
+    let mut sources = Sources::default();
+    let parsed = parse::parse(&mut sources, path, text, parameters);
+    let scene = parsed.and_then(|parsed| Importer::new(path, parsed, parameters).read());
+    match scene {
+        Ok(mut scene) => {
+            scene.further_files.extend(sources.paths().skip(1).cloned());
+            Ok(scene)
+        }
+        Err(fault) => Err(sources.told(*fault)),
+    }
+}
+
+/// A scene on its way from objects to a description.
+struct Importer {
+    scene: Rc<Object>,
+    ids: HashMap<String, Rc<Object>>,
+    folders: Vec<PathBuf>,
+    description: SceneDescription,
+    report: Report,
+    /// The material of shapes that name none.
+    usual_bsdf: Rc<Object>,
+    surfaces: HashMap<*const Object, Surface>,
+    /// By object, and the bits of the absorption inside.
+    materials: HashMap<(*const Object, [u64; 3]), Finished>,
+    groups: HashMap<*const Object, usize>,
+    pictures: HashMap<(PathBuf, Use, bool), (Arc<ImageTexture>, f64)>,
+    budget: TextureBudget,
+    depth: usize,
+}
+
+impl Importer {
+    fn new(path: &Path, parsed: Parsed, parameters: &[(String, String)]) -> Self {
+        let location = Location { file: Arc::new(path.to_path_buf()), line: 0, column: 0 };
+        let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0 };
+        let Parsed { scene, ids, folders, spectra } = parsed;
+        let usual_bsdf = Rc::new(Object {
+            tag: "bsdf".to_owned(),
+            plugin: "diffuse".to_owned(),
+            id: Some("usual".to_owned()),
+            properties: Vec::new(),
+            place: Place { location: location.clone(), ..Place::default() },
+            is_old: false,
+        });
+        Self {
+            scene,
+            ids,
+            folders,
+            description: SceneDescription {
+                name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+                media: vec![Named { name: "air".to_owned(), location: location.clone(), value: air }],
+                location,
+                camera: None,
+                film: view::usual_film(),
+                render: Overrides::default(),
+                textures: Vec::new(),
+                materials: Vec::new(),
+                looks: Vec::new(),
+                shapes: Vec::new(),
+                groups: Vec::new(),
+                instances: Vec::new(),
+                lights: Vec::new(),
+                light_photons: Vec::new(),
+                warnings: Vec::new(),
+                notes: Vec::new(),
+                further_files: spectra,
+                parameters: parameters.to_vec(),
+            },
+            report: Report::default(),
+            usual_bsdf,
+            surfaces: HashMap::new(),
+            materials: HashMap::new(),
+            groups: HashMap::new(),
+            pictures: HashMap::new(),
+            budget: TextureBudget::default(),
+            depth: 0,
+        }
+    }
+
+    /// Goes into an object; refuses where objects hold each other.
+    fn enter(&mut self, object: &Object) -> Result<(), Fault> {
+        self.depth += 1;
+        if self.depth > DEEPEST {
+            let message = format!("{} stands in too many others: do they hold each other?", object.label());
+            return fail(&object.place, message, "break the circle of <ref>");
+        }
+        Ok(())
+    }
+
+    fn leave(&mut self) {
+        self.depth -= 1;
+    }
+
+    /// Tells of parameters that have no effect here, as far as an object has them.
+    fn ignore(&mut self, object: &Object, names: &[&str], why: &str) {
+        let found: Vec<String> =
+            names.iter().filter(|name| object.get(name).is_some()).map(|name| format!("`{name}`")).collect();
+        if !found.is_empty() {
+            let verb = if found.len() == 1 { "has" } else { "have" };
+            self.report.note(object, format!("{} {verb} no effect: {why}", found.join(", ")));
+        }
+    }
+
+    /// Tells of everything in an object that nobody asked for; refuses what is one of the `known` names, misspelt.
+    fn finish(&mut self, object: &Object, known: &[&str]) -> Result<(), Fault> {
+        for property in object.unread() {
+            object.refuse_misspelt(property, known)?;
+            let what = match (&property.value, property.name.as_str()) {
+                (Value::Object(part), "") => {
+                    format!("the {} in it is left out: it has no place there", part.label())
+                }
+                (_, "") => "a part of it is left out: it has no place there".to_owned(),
+                (_, name) => format!("the parameter `{}` is not known, and has no effect", shown(name)),
+            };
+            self.report.warn(object, what);
+        }
+        Ok(())
+    }
+
+    fn read(mut self) -> Result<SceneDescription, Fault> {
+        let scene = Rc::clone(&self.scene);
+        let mut sensors = Vec::new();
+        let mut shapes = Vec::new();
+        for property in &scene.properties {
+            property.mark();
+            let Some(object) = self.object_of(property)? else {
+                let message = format!("the scene has no parameter `{}`", shown(&property.name));
+                return fail(&property.place, message, "put it into the object that it is meant for");
+            };
+            match object.tag.as_str() {
+                "sensor" => sensors.push(object),
+                "integrator" => self.integrator(&object)?,
+                "emitter" => self.light(&object)?,
+                "shape" => shapes.push(object),
+                // In the picture where something names them.
+                "bsdf" | "texture" | "medium" | "spectrum" | "phase" | "volume" => {}
+                "film" => self.film(&object)?,
+                "sampler" => self.sampler_of(&object)?,
+                other => {
+                    let message = format!("<{}> cannot stand at the top of a scene", shown(other));
+                    return fail(&object.place, message, "put it into the object that it is meant for");
+                }
+            }
+        }
+        if let Some(sensor) = sensors.first() {
+            self.sensor(sensor)?;
+        }
+        if let Some(second) = sensors.get(1) {
+            self.report.warn(second, "is left out: the first sensor of a file counts");
+        }
+        for shape in shapes {
+            self.shape(&shape, None)?;
+        }
+        let (warnings, notes) = self.report.told();
+        self.description.warnings.extend(warnings);
+        self.description.notes.extend(notes);
+        Ok(self.description)
+    }
+}

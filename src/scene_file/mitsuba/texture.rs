@@ -1,0 +1,540 @@
+//! Colours and numbers of materials: constants, pictures and checkerboards.
+
+use super::Importer;
+use super::error::{Fault, fail};
+use super::parse::{number, tokens};
+use super::spectrum::{Meaning, Spectrum};
+use super::value::{Object, Property, Value, shown};
+use crate::image_io::{Image, Layer};
+use crate::math::Rgb;
+use crate::textures::{
+    Encoding, ImageTexture, Sampler, TEXTURE_LIMIT, TextureSlot, Wrap, read_picture, srgb_to_linear,
+};
+use glam::{Affine2, DAffine3, DVec3, Mat2, Vec2, Vec4};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// What a picture is made into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Use {
+    /// Colours between 0 and 1.
+    Colour,
+    /// Colours of any brightness, as shares of the brightest.
+    Glow,
+    /// Slopes of facets: their roots in green.
+    Slope,
+    /// Roughness as it is, in green.
+    Roughness,
+    /// Shares, in blue.
+    Blue,
+    /// Shares, in alpha, on white.
+    Alpha,
+    /// Numbers as they are.
+    Raw,
+}
+
+/// A colour that may vary.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Paint {
+    Plain(DVec3),
+    /// A picture, and a factor on it.
+    Picture(TextureSlot, DVec3),
+    /// Colours of the vertices, and a factor on them.
+    Vertices(DVec3),
+}
+
+impl Paint {
+    /// The colour, or about the mean where it varies.
+    pub(super) fn mean(&self) -> DVec3 {
+        match self {
+            Self::Plain(colour) | Self::Vertices(colour) => *colour,
+            Self::Picture(slot, factor) => slot.texture.mean().truncate().as_dvec3() * *factor,
+        }
+    }
+
+    /// What multiplies the picture; the colour itself where there is none.
+    pub(super) fn tint(&self) -> DVec3 {
+        match self {
+            Self::Plain(colour) | Self::Picture(_, colour) | Self::Vertices(colour) => *colour,
+        }
+    }
+
+    pub(super) fn factor(&self) -> Rgb {
+        self.tint().as_vec3()
+    }
+
+    pub(super) fn slot(&self) -> Option<TextureSlot> {
+        match self {
+            Self::Picture(slot, _) => Some(slot.clone()),
+            Self::Plain(_) | Self::Vertices(_) => None,
+        }
+    }
+
+    pub(super) fn times(self, factor: DVec3) -> Self {
+        match self {
+            Self::Plain(colour) => Self::Plain(colour * factor),
+            Self::Picture(slot, own) => Self::Picture(slot, own * factor),
+            Self::Vertices(own) => Self::Vertices(own * factor),
+        }
+    }
+}
+
+/// A number that may vary.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Amount {
+    Plain(f64),
+    Picture(TextureSlot),
+}
+
+impl Amount {
+    /// The number, where it does not vary.
+    pub(super) fn plain(&self) -> Option<f64> {
+        match self {
+            Self::Plain(value) => Some(*value),
+            Self::Picture(_) => None,
+        }
+    }
+}
+
+/// Luminance of a linear colour of Rec. 709.
+pub(super) fn luminance(colour: DVec3) -> f64 {
+    colour.dot(DVec3::new(0.212_671, 0.715_160, 0.072_169))
+}
+
+/// Files whose numbers are linear and of any size.
+fn is_linear(path: &Path) -> bool {
+    let extension = path.extension().unwrap_or_default();
+    ["exr", "hdr", "rgbe", "pfm", "pic"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+}
+
+/// The pixels as four numbers, the colour decoded where `is_encoded`.
+fn pixels(image: &Image, is_encoded: bool) -> Vec<Vec4> {
+    let Some(layer) = image.layers.first() else { return Vec::new() };
+    let count = layer.channels.len().max(1);
+    let decoded = |x: f32| if is_encoded { srgb_to_linear(x.clamp(0.0, 1.0)) } else { x };
+    layer
+        .data
+        .chunks_exact(count)
+        .map(|pixel| match *pixel {
+            [grey] => Vec4::new(decoded(grey), decoded(grey), decoded(grey), 1.0),
+            [grey, alpha] => Vec4::new(decoded(grey), decoded(grey), decoded(grey), alpha),
+            [r, g, b] => Vec4::new(decoded(r), decoded(g), decoded(b), 1.0),
+            [r, g, b, a, ..] => Vec4::new(decoded(r), decoded(g), decoded(b), a),
+            [] => Vec4::ZERO,
+        })
+        .collect()
+}
+
+/// A texture of these pixels.
+pub(super) fn texture_of(width: u32, height: u32, pixels: &[Vec4]) -> ImageTexture {
+    let data = pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+    let mut image = Image::new(width, height);
+    image.layers.push(Layer::new("", &["R", "G", "B", "A"], data));
+    ImageTexture::new(&image, Encoding::Linear)
+}
+
+impl Importer {
+    /// The object that a parameter is or names; `None` where it is a value.
+    pub(super) fn object_of(&self, property: &Property) -> Result<Option<Rc<Object>>, Fault> {
+        match &property.value {
+            Value::Object(object) => Ok(Some(Rc::clone(object))),
+            Value::Reference(id) => match self.ids.get(id) {
+                Some(object) => Ok(Some(Rc::clone(object))),
+                None => {
+                    let mut names: Vec<&str> = self.ids.keys().map(String::as_str).collect();
+                    names.sort_unstable();
+                    let known = crate::scene_file::diagnostic::suggestion(id, &names);
+                    fail(&property.place, format!("there is no object `{}`", shown(id)), known)
+                }
+            },
+            _ => Ok(None),
+        }
+    }
+
+    /// The path of a file that an object names by `name`.
+    pub(super) fn file(&mut self, object: &Object, name: &str) -> Result<PathBuf, Fault> {
+        let Some(file) = object.text(name)? else {
+            let message = format!("{} names no file", object.label());
+            let remedy = format!("write <string name=\"{name}\" value=\"...\"/> in it");
+            return fail(&object.place, message, remedy);
+        };
+        let place = object.get(name).map_or(&object.place, |property| &property.place);
+        // Beside the file that names it, then in the folders of the scene.
+        let beside = place.location.file.parent().map(Path::to_path_buf);
+        let folders: Vec<PathBuf> = self.folders.iter().cloned().chain(beside).collect();
+        match super::parse::find(&folders, file) {
+            Some(path) => {
+                self.description.further_files.push(path.clone());
+                Ok(path)
+            }
+            None => {
+                let message = format!("there is no file `{}` for {}", shown(file), object.label());
+                fail(
+                    place,
+                    message,
+                    "correct its name, put it there, or name its folder by <path value=\"...\"/>",
+                )
+            }
+        }
+    }
+
+    /// A colour.
+    pub(super) fn paint(
+        &mut self,
+        object: &Object,
+        name: &str,
+        usual: f64,
+        meaning: Meaning,
+    ) -> Result<Paint, Fault> {
+        let Some(property) = object.get(name) else { return Ok(Paint::Plain(DVec3::splat(usual))) };
+        let colour = match &property.value {
+            Value::Float(value) => Spectrum::Rgb(DVec3::splat(*value)).colour(meaning),
+            Value::Integer(value) => Spectrum::Rgb(DVec3::splat(*value as f64)).colour(meaning),
+            Value::Spectrum(spectrum) => spectrum.colour(meaning),
+            _ => match self.object_of(property)? {
+                Some(nested) => {
+                    let how = if matches!(meaning, Meaning::Light { .. }) { Use::Glow } else { Use::Colour };
+                    return self.texture(&nested, meaning, how);
+                }
+                None => {
+                    let message = format!("`{name}` of {} is no colour", object.label());
+                    let remedy =
+                        format!("write <rgb name=\"{name}\" value=\"0.5, 0.5, 0.5\"/> or a <texture>");
+                    return fail(&property.place, message, remedy);
+                }
+            },
+        };
+        Ok(Paint::Plain(colour))
+    }
+
+    /// A colour that cannot vary here: about the mean, with a note, where it does.
+    pub(super) fn plain_colour(
+        &mut self,
+        object: &Object,
+        name: &str,
+        usual: f64,
+        meaning: Meaning,
+    ) -> Result<DVec3, Fault> {
+        let paint = self.paint(object, name, usual, meaning)?;
+        if !matches!(paint, Paint::Plain(_)) {
+            self.report.note(object, format!("`{name}` does not vary here: its mean counts"));
+        }
+        Ok(paint.mean())
+    }
+
+    /// A number.
+    pub(super) fn amount(
+        &mut self,
+        object: &Object,
+        name: &str,
+        usual: f64,
+        how: Use,
+    ) -> Result<Amount, Fault> {
+        let Some(property) = object.get(name) else { return Ok(Amount::Plain(usual)) };
+        if let Some(nested) = self.object_of(property)? {
+            return Ok(match self.texture(&nested, Meaning::Number, how)? {
+                Paint::Picture(slot, _) => Amount::Picture(slot),
+                Paint::Plain(colour) => Amount::Plain(luminance(colour)),
+                Paint::Vertices(_) => {
+                    self.report.note(object, format!("`{name}` by the colours of vertices is taken for 0.5"));
+                    Amount::Plain(0.5)
+                }
+            });
+        }
+        match &property.value {
+            Value::Spectrum(spectrum) => Ok(Amount::Plain(luminance(spectrum.colour(Meaning::Number)))),
+            _ => Ok(Amount::Plain(object.float_or(name, usual)?)),
+        }
+    }
+
+    /// A number that cannot vary here.
+    pub(super) fn plain_amount(&mut self, object: &Object, name: &str, usual: f64) -> Result<f64, Fault> {
+        match self.amount(object, name, usual, Use::Raw)? {
+            Amount::Plain(value) => Ok(value),
+            Amount::Picture(slot) => {
+                self.report.note(object, format!("`{name}` does not vary here: its mean counts"));
+                Ok(luminance(slot.texture.mean().truncate().as_dvec3()))
+            }
+        }
+    }
+
+    /// What a texture is whose numbers count as they are.
+    pub(super) fn nested_paint(&mut self, object: &Rc<Object>, meaning: Meaning) -> Result<Paint, Fault> {
+        self.texture(object, meaning, Use::Raw)
+    }
+
+    /// What a <texture> or a <spectrum> of a type is.
+    fn texture(&mut self, object: &Rc<Object>, meaning: Meaning, how: Use) -> Result<Paint, Fault> {
+        self.enter(object)?;
+        let paint = self.texture_of(object, meaning, how);
+        self.leave();
+        paint
+    }
+
+    fn texture_of(&mut self, object: &Rc<Object>, meaning: Meaning, how: Use) -> Result<Paint, Fault> {
+        let of = |spectrum: Spectrum| Paint::Plain(spectrum.colour(meaning));
+        match (object.tag.as_str(), object.plugin.as_str()) {
+            ("texture", "bitmap" | "ldrtexture" | "exrtexture") => self.bitmap(object, how),
+            ("texture", "checkerboard") => self.checkerboard(object, meaning, how),
+            ("texture", "scale") => {
+                let factor = self.plain_colour(object, "scale", 1.0, Meaning::Number)?;
+                let nested = self.only_part(object, "texture")?;
+                let paint = self.texture(&nested, meaning, how)?;
+                self.finish(object, &["scale"])?;
+                if how != Use::Colour && how != Use::Glow && !matches!(paint, Paint::Plain(_)) {
+                    self.report.note(object, "the scale of a picture of numbers is not applied");
+                }
+                Ok(paint.times(factor))
+            }
+            ("texture", "mesh_attribute" | "vertexcolors") => {
+                let name = object.text("name")?.unwrap_or("vertex_color").to_owned();
+                let scale = object.float_or("scale", 1.0)?;
+                self.finish(object, &["name", "scale"])?;
+                if name != "vertex_color" {
+                    let message = format!("the attribute `{}` of meshes is not read", shown(&name));
+                    return fail(&object.place, message, "colours of vertices are: `vertex_color`");
+                }
+                Ok(Paint::Vertices(DVec3::splat(scale)))
+            }
+            (_, "uniform" | "rawconstant") => {
+                let value = object.float_or("value", 1.0)?;
+                self.ignore(
+                    object,
+                    &["wavelength_min", "wavelength_max"],
+                    "the spectrum is the same everywhere",
+                );
+                self.finish(object, &["value"])?;
+                Ok(of(Spectrum::Uniform(value)))
+            }
+            (_, "srgb") => {
+                let colour = self.plain_colour(object, "color", 1.0, meaning)?;
+                self.ignore(object, &["unbounded"], "colours are read as they are");
+                self.finish(object, &["color"])?;
+                Ok(Paint::Plain(colour))
+            }
+            (_, "d65") => {
+                let scale = object.float_or("scale", 1.0)?;
+                let colour = self.plain_colour(object, "color", 1.0, meaning)?;
+                self.finish(object, &["scale", "color"])?;
+                Ok(Paint::Plain(colour * scale))
+            }
+            (_, "blackbody") => {
+                let Some(kelvin) = object.float("temperature")? else {
+                    return fail(
+                        &object.place,
+                        "a black body without a temperature",
+                        "write <float name=\"temperature\" value=\"6500\"/> in it",
+                    );
+                };
+                let scale = object.float_or("scale", 1.0)?;
+                self.ignore(
+                    object,
+                    &["wavelength_min", "wavelength_max"],
+                    "what is seen of the spectrum counts",
+                );
+                self.finish(object, &["temperature", "scale"])?;
+                Ok(of(Spectrum::blackbody(kelvin, scale, &object.place)?))
+            }
+            (_, "irregular" | "regular") => {
+                let numbers = |name: &str| -> Result<Vec<f64>, Fault> {
+                    let text = object.text(name)?.unwrap_or_default();
+                    tokens(text).map(|token| number(token, &object.place)).collect()
+                };
+                let values = numbers("values")?;
+                let wavelengths = if object.plugin == "irregular" {
+                    numbers("wavelengths")?
+                } else {
+                    let low = object.float_or("wavelength_min", 360.0)?;
+                    let high = object.float_or("wavelength_max", 830.0)?;
+                    let step = (high - low) / values.len().saturating_sub(1).max(1) as f64;
+                    (0..values.len()).map(|i| low + step * i as f64).collect()
+                };
+                self.finish(object, &["values", "wavelengths", "wavelength_min", "wavelength_max"])?;
+                if values.len() != wavelengths.len() {
+                    let message = format!("{} wavelengths and {} values", wavelengths.len(), values.len());
+                    return fail(&object.place, message, "give each wavelength a value");
+                }
+                let pairs: Vec<String> =
+                    wavelengths.iter().zip(&values).map(|(at, value)| format!("{at}:{value}")).collect();
+                Ok(of(Spectrum::parse(&pairs.join(","), &object.place)?))
+            }
+            (tag, plugin) => {
+                let message = format!("the {} `{}` is not read", shown(tag), shown(plugin));
+                let known =
+                    ["bitmap", "checkerboard", "mesh_attribute", "scale", "d65", "blackbody", "uniform"];
+                let known = crate::scene_file::diagnostic::suggestion(plugin, &known);
+                fail(&object.place, message, format!("bake it into a picture, and use `bitmap`; {known}"))
+            }
+        }
+    }
+
+    /// The wrapping and filtering that a texture asks for.
+    fn sampler(&mut self, object: &Object) -> Result<Sampler, Fault> {
+        let mut wrap = [Wrap::Repeat; 2];
+        for (name, axes) in [("wrap_mode", &[0, 1][..]), ("wrap_mode_u", &[0]), ("wrap_mode_v", &[1])] {
+            let Some(mode) = object.text(name)? else { continue };
+            let mode = match mode {
+                "repeat" => Wrap::Repeat,
+                "mirror" => Wrap::Mirror,
+                "clamp" => Wrap::Clamp,
+                "zero" | "one" => {
+                    self.report.note(object, "outside of the picture its border is shown (`clamp`)");
+                    Wrap::Clamp
+                }
+                other => {
+                    let known = ["repeat", "mirror", "clamp"];
+                    let known = crate::scene_file::diagnostic::suggestion(other, &known);
+                    return fail(&object.place, format!("`{}` is no `{name}`", shown(other)), known);
+                }
+            };
+            axes.iter().for_each(|axis| wrap[*axis] = mode);
+        }
+        let nearest = match object.text("filter_type")?.unwrap_or("bilinear") {
+            "nearest" => true,
+            "bilinear" | "trilinear" | "ewa" => false,
+            other => {
+                let known = crate::scene_file::diagnostic::suggestion(other, &["bilinear", "nearest"]);
+                return fail(&object.place, format!("`{}` is no `filter_type`", shown(other)), known);
+            }
+        };
+        self.ignore(
+            object,
+            &["accel", "format", "max_anisotropy", "cache"],
+            "textures are kept and filtered in their own way",
+        );
+        // Textures of today have no levels of less detail.
+        Ok(Sampler { wrap, nearest, finest: !object.is_old })
+    }
+
+    /// From the coordinates of the mesh to those of the texture.
+    fn to_uv(object: &Object) -> Result<Affine2, Fault> {
+        let transform: DAffine3 = object.transform("to_uv")?;
+        let m = transform.matrix3;
+        let mut linear = Mat2::from_cols(
+            Vec2::new(m.x_axis.x as f32, m.x_axis.y as f32),
+            Vec2::new(m.y_axis.x as f32, m.y_axis.y as f32),
+        );
+        let mut offset = transform.translation.truncate().as_vec2();
+        // Before 2.0: uv * scale + offset.
+        let scale = Vec2::new(object.float_or("uscale", 1.0)? as f32, object.float_or("vscale", 1.0)? as f32);
+        let moved =
+            Vec2::new(object.float_or("uoffset", 0.0)? as f32, object.float_or("voffset", 0.0)? as f32);
+        linear = Mat2::from_diagonal(scale) * linear;
+        offset = scale * offset + moved;
+        Ok(Affine2::from_mat2_translation(linear, offset))
+    }
+
+    fn bitmap(&mut self, object: &Rc<Object>, how: Use) -> Result<Paint, Fault> {
+        let path = self.file(object, "filename")?;
+        let is_raw = match object.float("gamma")? {
+            None | Some(-1.0) => object.boolean("raw", false)?,
+            Some(1.0) => true,
+            Some(gamma) => {
+                if (gamma - 2.2).abs() > 0.01 {
+                    self.report.note(object, "the gamma of the picture is taken for the curve of sRGB");
+                }
+                false
+            }
+        };
+        if let Some(channel) = object.text("channel")? {
+            self.report.note(
+                object,
+                format!("`channel` `{}` is not chosen: colours of the picture count", shown(channel)),
+            );
+        }
+        let sampler = self.sampler(object)?;
+        let transform = Self::to_uv(object)?;
+        self.finish(object, &["filename", "raw", "to_uv", "wrap_mode", "filter_type", "gamma", "channel"])?;
+        let (texture, factor) = self.picture(object, &path, how, is_raw)?;
+        Ok(Paint::Picture(TextureSlot { texture, sampler, set: 0, transform }, DVec3::splat(factor)))
+    }
+
+    /// A picture made into what it is used for, and the factor that this took off.
+    fn picture(
+        &mut self,
+        object: &Object,
+        path: &Path,
+        how: Use,
+        is_raw: bool,
+    ) -> Result<(Arc<ImageTexture>, f64), Fault> {
+        let key = (path.to_path_buf(), how, is_raw);
+        if let Some((texture, factor)) = self.pictures.get(&key) {
+            return Ok((Arc::clone(texture), *factor));
+        }
+        let is_encoded = !is_raw && !is_linear(path);
+        let encoding = if is_encoded { Encoding::Srgb } else { Encoding::Linear };
+        let mut factor = 1.0;
+        let texture = match how {
+            Use::Colour => ImageTexture::read(path, encoding),
+            Use::Raw => ImageTexture::read(path, if is_raw { Encoding::Linear } else { encoding }),
+            Use::Glow if is_encoded => ImageTexture::read(path, encoding),
+            _ => read_picture(path, TEXTURE_LIMIT).map(|image| {
+                let mut pixels = pixels(&image, is_encoded);
+                if how == Use::Glow {
+                    let finite =
+                        |pixel: &Vec4| pixel.truncate().map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
+                    let brightest =
+                        pixels.iter().map(|pixel| finite(pixel).max_element()).fold(0.0f32, f32::max);
+                    if brightest > 1.0 {
+                        factor = f64::from(brightest);
+                        pixels.iter_mut().for_each(|pixel| *pixel = (finite(pixel) / brightest).extend(1.0));
+                    }
+                } else {
+                    for pixel in &mut pixels {
+                        let value = luminance(pixel.truncate().as_dvec3()) as f32;
+                        *pixel = match how {
+                            Use::Slope => Vec4::new(1.0, value.max(0.0).sqrt(), 1.0, 1.0),
+                            Use::Roughness => Vec4::new(1.0, value, 1.0, 1.0),
+                            Use::Blue => Vec4::new(1.0, 1.0, value, 1.0),
+                            _ => Vec4::new(1.0, 1.0, 1.0, value),
+                        };
+                    }
+                }
+                texture_of(image.width, image.height, &pixels)
+            }),
+        };
+        let texture = texture.and_then(|texture| self.budget.take(texture, path));
+        match texture {
+            Ok(texture) => {
+                let texture = Arc::new(texture);
+                self.pictures.insert(key, (Arc::clone(&texture), factor));
+                Ok((texture, factor))
+            }
+            Err(error) => fail(
+                &object.place,
+                format!("the picture of {} cannot be read: {error}", object.label()),
+                "convert it to PNG, JPEG or EXR",
+            ),
+        }
+    }
+
+    /// Two colours in squares of half a unit.
+    fn checkerboard(&mut self, object: &Rc<Object>, meaning: Meaning, how: Use) -> Result<Paint, Fault> {
+        let of_old = matches!(meaning, Meaning::Light { is_old: true });
+        let meaning = if of_old { Meaning::Number } else { meaning };
+        let colours = [
+            self.plain_colour(object, "color0", 0.4, meaning)?,
+            self.plain_colour(object, "color1", 0.2, meaning)?,
+        ];
+        let transform = Self::to_uv(object)?;
+        self.finish(object, &["color0", "color1", "to_uv"])?;
+        let brightest = colours[0].max(colours[1]).max_element().max(1.0);
+        let texel = |colour: DVec3| {
+            let share = (colour / brightest).as_vec3();
+            let value = luminance(colour) as f32;
+            match how {
+                Use::Colour | Use::Glow | Use::Raw => share.extend(1.0),
+                Use::Slope => Vec4::new(1.0, value.max(0.0).sqrt(), 1.0, 1.0),
+                Use::Roughness => Vec4::new(1.0, value, 1.0, 1.0),
+                Use::Blue => Vec4::new(1.0, 1.0, value, 1.0),
+                Use::Alpha => Vec4::new(1.0, 1.0, 1.0, value),
+            }
+        };
+        let [a, b] = colours.map(texel);
+        let texture = Arc::new(texture_of(2, 2, &[a, b, b, a]));
+        let sampler = Sampler { nearest: true, finest: true, ..Sampler::default() };
+        let slot = TextureSlot { texture, sampler, set: 0, transform };
+        Ok(Paint::Picture(slot, DVec3::splat(brightest)))
+    }
+}

@@ -1,0 +1,233 @@
+//! Objects with their parameters, as plugins see them.
+
+use super::error::{Fault, fail};
+use super::spectrum::Spectrum;
+use super::xml::Place;
+use crate::scene_file::diagnostic::nearest;
+use glam::{DAffine3, DVec3};
+use std::cell::Cell;
+use std::rc::Rc;
+
+/// Longest name that a message repeats, in characters.
+const SHOWN: usize = 80;
+
+/// A text of the file as a message shows it.
+pub(super) fn shown(text: &str) -> String {
+    let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{} ...", &text[..end]),
+        None => text,
+    }
+}
+
+/// What a parameter is.
+#[derive(Clone, Debug)]
+pub(super) enum Value {
+    Float(f64),
+    Integer(i64),
+    Boolean(bool),
+    Text(String),
+    /// A point or a vector.
+    Vector(DVec3),
+    Transform(DAffine3),
+    Spectrum(Spectrum),
+    Object(Rc<Object>),
+    /// The id of an object.
+    Reference(String),
+}
+
+impl Value {
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::Float(_) => "a <float>",
+            Self::Integer(_) => "an <integer>",
+            Self::Boolean(_) => "a <boolean>",
+            Self::Text(_) => "a <string>",
+            Self::Vector(_) => "a <vector> or <point>",
+            Self::Transform(_) => "a <transform>",
+            Self::Spectrum(_) => "a colour or spectrum",
+            Self::Object(_) => "an object",
+            Self::Reference(_) => "a <ref>",
+        }
+    }
+}
+
+/// A parameter or a part of an object.
+#[derive(Debug)]
+pub(super) struct Property {
+    /// In letters of today (`int_ior`); empty for parts without a name.
+    pub name: String,
+    pub value: Value,
+    pub place: Place,
+    /// Whether somebody asked for it.
+    used: Cell<bool>,
+}
+
+impl Property {
+    pub(super) fn new(name: String, value: Value, place: Place) -> Self {
+        Self { name, value, place, used: Cell::new(false) }
+    }
+
+    pub(super) fn mark(&self) {
+        self.used.set(true);
+    }
+
+    fn wrong<T>(&self, wanted: &str) -> Result<T, Fault> {
+        let message = format!("`{}` is {}, and {wanted} is expected", shown(&self.name), self.value.kind());
+        fail(&self.place, message, format!("write for example {}", example(wanted, &self.name)))
+    }
+}
+
+fn example(wanted: &str, name: &str) -> String {
+    let name = shown(name);
+    match wanted {
+        "a number" => format!("<float name=\"{name}\" value=\"0.5\"/>"),
+        "a whole number" => format!("<integer name=\"{name}\" value=\"4\"/>"),
+        "true or false" => format!("<boolean name=\"{name}\" value=\"true\"/>"),
+        "a text" => format!("<string name=\"{name}\" value=\"...\"/>"),
+        "a vector" => format!("<vector name=\"{name}\" x=\"0\" y=\"1\" z=\"0\"/>"),
+        "a transform" => format!("<transform name=\"{name}\"> ... </transform>"),
+        _ => format!("<rgb name=\"{name}\" value=\"0.5, 0.5, 0.5\"/>"),
+    }
+}
+
+/// A plugin with its parameters.
+#[derive(Debug)]
+pub(super) struct Object {
+    /// The element, as `bsdf`.
+    pub tag: String,
+    /// What of that, as `diffuse`.
+    pub plugin: String,
+    pub id: Option<String>,
+    pub properties: Vec<Property>,
+    pub place: Place,
+    /// Of the dialect before 2.0.
+    pub is_old: bool,
+}
+
+impl Object {
+    /// What messages call it.
+    pub(super) fn label(&self) -> String {
+        match &self.id {
+            Some(id) => format!("{} `{}` (`{}`)", self.tag, shown(&self.plugin), shown(id)),
+            None => format!("{} `{}`", self.tag, shown(&self.plugin)),
+        }
+    }
+
+    /// What names of shapes and materials are made of.
+    pub(super) fn name(&self) -> String {
+        match &self.id {
+            Some(id) => shown(id),
+            None => format!("{} in line {}", shown(&self.plugin), self.place.location.line),
+        }
+    }
+
+    /// The parameter of this name. The last counts, as parameters are set one after the other.
+    pub(super) fn get(&self, name: &str) -> Option<&Property> {
+        let mut found = None;
+        for property in self.properties.iter().filter(|property| property.name == name) {
+            property.mark();
+            found = Some(property);
+        }
+        found
+    }
+
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.properties.iter().any(|property| property.name == name)
+    }
+
+    pub(super) fn float(&self, name: &str) -> Result<Option<f64>, Fault> {
+        let Some(property) = self.get(name) else { return Ok(None) };
+        match property.value {
+            Value::Float(value) => Ok(Some(value)),
+            Value::Integer(value) => Ok(Some(value as f64)),
+            Value::Spectrum(Spectrum::Uniform(value)) => Ok(Some(value)),
+            _ => property.wrong("a number"),
+        }
+    }
+
+    pub(super) fn float_or(&self, name: &str, usual: f64) -> Result<f64, Fault> {
+        Ok(self.float(name)?.unwrap_or(usual))
+    }
+
+    /// A number in a range.
+    pub(super) fn within(
+        &self,
+        name: &str,
+        usual: f64,
+        range: std::ops::RangeInclusive<f64>,
+    ) -> Result<f64, Fault> {
+        let value = self.float_or(name, usual)?;
+        if range.contains(&value) {
+            return Ok(value);
+        }
+        let place = self.get(name).map_or(&self.place, |property| &property.place);
+        let message = format!("`{name}` of {} is {value}", self.label());
+        fail(place, message, format!("write a number from {} to {}", range.start(), range.end()))
+    }
+
+    pub(super) fn integer(&self, name: &str) -> Result<Option<i64>, Fault> {
+        let Some(property) = self.get(name) else { return Ok(None) };
+        match property.value {
+            Value::Integer(value) => Ok(Some(value)),
+            Value::Float(value) if value.fract() == 0.0 && value.abs() < 1e15 => Ok(Some(value as i64)),
+            _ => property.wrong("a whole number"),
+        }
+    }
+
+    pub(super) fn boolean(&self, name: &str, usual: bool) -> Result<bool, Fault> {
+        let Some(property) = self.get(name) else { return Ok(usual) };
+        match property.value {
+            Value::Boolean(value) => Ok(value),
+            _ => property.wrong("true or false"),
+        }
+    }
+
+    pub(super) fn text(&self, name: &str) -> Result<Option<&str>, Fault> {
+        let Some(property) = self.get(name) else { return Ok(None) };
+        match &property.value {
+            Value::Text(value) => Ok(Some(value)),
+            _ => property.wrong("a text"),
+        }
+    }
+
+    pub(super) fn vector(&self, name: &str) -> Result<Option<DVec3>, Fault> {
+        let Some(property) = self.get(name) else { return Ok(None) };
+        match property.value {
+            Value::Vector(value) => Ok(Some(value)),
+            _ => property.wrong("a vector"),
+        }
+    }
+
+    pub(super) fn transform(&self, name: &str) -> Result<DAffine3, Fault> {
+        let Some(property) = self.get(name) else { return Ok(DAffine3::IDENTITY) };
+        match property.value {
+            Value::Transform(value) => Ok(value),
+            _ => property.wrong("a transform"),
+        }
+    }
+
+    /// Names of the parameters that nobody asked for, each once; asks for them.
+    pub(super) fn unread(&self) -> Vec<&Property> {
+        let mut unread: Vec<&Property> = Vec::new();
+        for property in self.properties.iter().filter(|property| !property.used.get()) {
+            property.mark();
+            if unread.iter().all(|known| known.name != property.name) || property.name.is_empty() {
+                unread.push(property);
+            }
+        }
+        unread
+    }
+
+    /// Refuses a parameter whose name is nearly one of those that are known: it is that, misspelt.
+    pub(super) fn refuse_misspelt(&self, property: &Property, known: &[&str]) -> Result<(), Fault> {
+        let candidates = known.iter().copied().filter(|name| !self.has(name));
+        match nearest(&property.name, candidates) {
+            Some(meant) if property.name.len() > 2 => {
+                let message = format!("{} has no parameter `{}`", self.label(), shown(&property.name));
+                fail(&property.place, message, format!("did you mean `{meant}`?"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
