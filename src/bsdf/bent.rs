@@ -48,11 +48,14 @@ impl Bend {
     #[inline]
     fn kept(&self, w: Vec3) -> f32 {
         let cosine = w.dot(self.normal);
-        if !(w.z > 0.0 && cosine > 0.0) {
-            return 0.0;
-        }
-        let g = cosine / (w.z * self.normal.z);
-        if g < 1.0 { g * (1.0 + g * (1.0 - g)) } else { 1.0 }
+        kept_of(cosine, w.z, self.normal.z)
+    }
+
+    /// [`Self::kept`] of [`Self::turned_back`], without the rotation: that has the cosine of `w` to the surface to its `z`.
+    #[inline]
+    fn kept_turned_back(&self, w: Vec3) -> f32 {
+        let cosine = w.dot(self.normal);
+        kept_of(2.0 * self.normal.z * cosine - w.z, cosine, self.normal.z)
     }
 
     /// Mirrored about the surface.
@@ -90,9 +93,23 @@ impl Bend {
         }
         let kept = self.kept(w);
         let around_shading = if kept > 0.0 { kept * (w.z / cosine) } else { 0.0 };
-        around_shading + (1.0 - self.kept(self.turned_back(w)))
+        around_shading + (1.0 - self.kept_turned_back(w))
     }
 }
+
+/// [`Bend::kept`] by the cosines of a direction to the surface and to the shading normal, and that between the two.
+#[inline]
+fn kept_of(cosine: f32, z: f32, between: f32) -> f32 {
+    if !(z > 0.0 && cosine > 0.0) {
+        return 0.0;
+    }
+    let g = cosine / (z * between);
+    if g < 1.0 { g * (1.0 + g * (1.0 - g)) } else { 1.0 }
+}
+
+/// Share of the light from a direction below which the BSDF there stands for that in the direction that the lobe is turned to, which is
+/// then close by: a photon counts in an estimate of many.
+const LITTLE_TURNED: f32 = 0.05;
 
 /// A BSDF on such a surface, seen from `wo`, which is on the same side of both normals.
 #[derive(Clone, Copy, Debug)]
@@ -115,6 +132,28 @@ impl Bent<'_> {
     /// The part of the BSDF in `lobe` times the cosine of `wi`, 1/sr; zero for [`Lobe::Specular`].
     pub fn eval_with_cosine(&self, lobe: Lobe, wi: Vec3, mode: TransportMode) -> Rgb {
         self.sum(lobe, wi, Rgb::ZERO, |w| self.bsdf.eval(lobe, self.wo, w, mode) * w.z.abs())
+    }
+
+    /// The diffuse lobe over [`Bend::lambert_share`] and the cosine to the geometric normal, 1/sr: the mean of the BSDF over the two
+    /// directions that lead to `wi`, weighted by what each brings.
+    pub fn eval_photon(&self, wi: Vec3) -> Rgb {
+        let Self { bsdf, wo, bend } = *self;
+        let cosine = wi.dot(bend.normal);
+        if !(cosine > 0.0 && wo.dot(bend.normal) > 0.0) {
+            return Rgb::ZERO;
+        }
+        let f = |w: Vec3| bsdf.eval(Lobe::Diffuse, wo, w, TransportMode::Radiance);
+        let kept = bend.kept(wi);
+        let straight = if kept > 0.0 { kept * wi.z } else { 0.0 };
+        let turned = (1.0 - bend.kept_turned_back(wi)) * cosine;
+        let share = turned / (straight + turned);
+        if !(share > LITTLE_TURNED) {
+            f(wi)
+        } else if straight > 0.0 {
+            f(wi) * (1.0 - share) + f(bend.turned_back(wi)) * share
+        } else {
+            f(bend.turned_back(wi))
+        }
     }
 
     /// Density per solid angle, 1/sr, with which [`Self::sample_lobe`] draws `wi`; zero for [`Lobe::Specular`].

@@ -6,8 +6,11 @@ pub use surroundings::{Crossing, MOST_MEDIA, Surroundings};
 
 use crate::math::Rgb;
 
-/// Index of a medium in its scene; 0 is air.
-pub type MediumId = u32;
+/// Index of a medium in its scene; 0 is air. Rays carry many of them, so they are small.
+pub type MediumId = u16;
+
+/// Media that a scene can have, air included.
+pub const MOST_MEDIA_OF_SCENE: usize = MediumId::MAX as usize + 1;
 
 /// The medium that fills space where nothing else is said.
 pub const AIR: MediumId = 0;

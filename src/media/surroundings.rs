@@ -81,10 +81,22 @@ impl Surroundings {
         self.media.iter().copied().take_while(|&id| id != AIR)
     }
 
+    /// Whether a body of this medium is around the place, or the medium is air.
+    #[inline]
+    pub fn is_within(&self, medium: MediumId) -> bool {
+        medium == AIR || self.place_of(medium).is_some()
+    }
+
+    /// Whether there is no room for bodies of another medium, or for another body of one.
+    #[inline]
+    pub fn is_full(&self) -> bool {
+        self.media[MOST_MEDIA - 1] != AIR || self.counts.contains(&MOST_OF_ONE)
+    }
+
     /// What a ray from here passes at a border that has `near` on its side and `far` on the other.
     pub fn crossing(self, near: MediumId, far: MediumId, media: &[Medium]) -> Crossing {
         let (mut before, mut fits) = (self, true);
-        if near != AIR && self.place_of(near).is_none() {
+        if !self.is_within(near) {
             fits = false;
             before.add(near, media);
         }
@@ -94,6 +106,26 @@ impl Surroundings {
         }
         let has_room = far == AIR || after.add(far, media);
         Crossing { before, after, fits: fits && has_room, is_full: !has_room }
+    }
+
+    /// The media on this and on the other side of such a border, as [`Self::crossing`] has them, without the bodies behind them:
+    /// much less work, where rays ask whether there is a surface.
+    #[inline]
+    pub fn sides(&self, near: MediumId, far: MediumId, media: &[Medium]) -> [MediumId; 2] {
+        let filling = |a: MediumId, b: MediumId| match (a, b) {
+            (AIR, other) | (other, AIR) => other,
+            _ if rank_of(b, media) < rank_of(a, media) => b,
+            _ => a,
+        };
+        let left = if near == self.media[0] && near != AIR && self.counts[0] == 1 {
+            self.media[1]
+        } else if self.is_within(near) {
+            self.media[0]
+        } else {
+            // The body is around the ray without having been entered, and left here.
+            return [filling(self.media[0], near), filling(self.media[0], far)];
+        };
+        [self.media[0], filling(left, far)]
     }
 
     fn place_of(&self, medium: MediumId) -> Option<usize> {
@@ -108,8 +140,8 @@ impl Surroundings {
             *count = count.saturating_add(1);
             return has_room;
         }
-        let rank = |id: MediumId| media.get(id as usize).map_or(u32::MAX, |medium| medium.rank);
-        let place = self.media.iter().position(|&other| other == AIR || rank(body) < rank(other));
+        let rank = rank_of(body, media);
+        let place = self.media.iter().position(|&other| other == AIR || rank < rank_of(other, media));
         let is_full = self.media[MOST_MEDIA - 1] != AIR;
         if let Some(place) = place {
             self.media.copy_within(place..MOST_MEDIA - 1, place + 1);
@@ -130,10 +162,15 @@ impl Surroundings {
     }
 }
 
+fn rank_of(id: MediumId, media: &[Medium]) -> u32 {
+    media.get(usize::from(id)).map_or(u32::MAX, |medium| medium.rank)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::math::Rgb;
+    use crate::sampling::{Rng, Stream};
 
     /// Air, then media of these ranks.
     fn media(ranks: &[u32]) -> Vec<Medium> {
@@ -171,6 +208,32 @@ mod tests {
     }
 
     #[test]
+    fn sides_are_those_of_the_crossing() {
+        let ranks: Vec<u32> = (1..=MOST_MEDIA as u32 + 2).rev().collect();
+        let media = media(&ranks);
+        let mut rng = Rng::new(1, Stream::Measure, 0);
+        for walk in 0..2000 {
+            // Few media, so that bodies of one medium overlap; many, so that the stack is full.
+            let count = if walk % 2 == 0 { 4 } else { media.len() };
+            let mut at = Surroundings::AIR;
+            for _ in 0..60 {
+                let mut one = || ((rng.next_f32() * count as f32) as usize).min(count - 1) as MediumId;
+                let (near, far) = (one(), one());
+                // Most borders have air on one side.
+                let (near, far) = match rng.next_f32() {
+                    x if x < 0.4 => (AIR, far),
+                    x if x < 0.7 => (near, AIR),
+                    _ => (near, far),
+                };
+                let crossing = at.crossing(near, far, &media);
+                let sides = [crossing.before.medium(), crossing.after.medium()];
+                assert_eq!(at.sides(near, far, &media), sides, "{at:?} at {near} | {far}");
+                at = crossing.after;
+            }
+        }
+    }
+
+    #[test]
     fn two_bodies_of_a_medium_are_one() {
         let media = media(&[1]);
         let first = Surroundings::AIR.crossing(AIR, 1, &media);
@@ -200,7 +263,7 @@ mod tests {
         assert!(!crossing.fits && !crossing.is_full);
         // Into bodies of more media than are kept: the best stay.
         let mut at = Surroundings::AIR;
-        let last = MOST_MEDIA as u32 + 1;
+        let last = MOST_MEDIA as MediumId + 1;
         for body in (2..=last).rev() {
             let crossing = at.crossing(AIR, body, &media);
             assert!(crossing.fits);

@@ -20,6 +20,16 @@ const SMALLEST_SHARE: f32 = 0.1;
 /// every wall that crosses the disc.
 const STRETCH: f32 = 1.083;
 
+/// Share of the length that all feelers went within which nothing stands on the surface, not even a corner between two feelers: one of
+/// 45 degrees or more that is half as far away spreads to both of them.
+const CLEAR_SHARE: f32 = 0.5;
+
+/// Distance from the centre within which a free way leads to every place of the surface, where no feeler met anything within
+/// `least_reach`.
+pub(super) fn clear_distance(least_reach: f32) -> f32 {
+    CLEAR_SHARE * least_reach
+}
+
 /// Directions of the feelers in the tangent plane, evenly spaced in the angle of the diamond `|x| + |y| = 1`, so that the
 /// sector of a point is found without an arc tangent.
 fn direction(feeler: usize) -> Vec2 {
@@ -106,11 +116,14 @@ pub trait Sight {
     /// Whether there is a free way from the centre to a photon at `position` on a surface that faces along the unit `normal`.
     fn sees(&mut self, position: Vec3, normal: Vec3) -> bool;
 
+    /// Whether [`Self::feel`] sends feelers at all.
+    fn feels(&self) -> bool;
+
     /// Whether something is so close above the centre that feelers within [`Self::feel`] may have missed what is around.
     fn is_covered(&self) -> bool;
 
-    /// Distance along the normal to what the centre faces; infinite in the open.
-    fn outlook(&mut self) -> f32;
+    /// Distance along the normal to what the centre faces; infinite where that is farther than `within`.
+    fn outlook(&mut self, within: f32) -> f32;
 }
 
 /// Nothing hides photons but what a domain leaves out.
@@ -123,11 +136,15 @@ impl<F: FnMut(f32) -> Option<KernelDomain>> Sight for F {
         true
     }
 
+    fn feels(&self) -> bool {
+        false
+    }
+
     fn is_covered(&self) -> bool {
         false
     }
 
-    fn outlook(&mut self) -> f32 {
+    fn outlook(&mut self, _: f32) -> f32 {
         f32::INFINITY
     }
 }

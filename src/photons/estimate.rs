@@ -1,3 +1,4 @@
+use super::domain::clear_distance;
 use super::map::{PhotonMap, Query, Scratch, leaves_surface};
 use super::{Estimator, Kernel, KernelDomain, Seen, Sight, differential};
 use crate::math::Rgb;
@@ -38,6 +39,10 @@ pub const NARROWER: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// [`FINEST`] of the least. It bounds the time of a look-up in a point focus.
 const MOST_UNRESOLVED: usize = 4096;
 const FINEST: f32 = 0.25;
+
+/// Photons above or below the surface of the centre to which ways are sought, spread evenly over all of them: on rough ground there are
+/// dozens. Where all of these ways are free, so are the others; where one is not, each is asked.
+const MOST_ASKED: usize = 3;
 
 /// Radius below which distances are rounding noise: eight times the spacing of `f32` at `position`. Photons found
 /// within it have coordinates no larger than that plus itself.
@@ -80,8 +85,8 @@ impl PhotonMap {
     /// elsewhere are left out and the kernel is normalised over the rest. The expectation stays exact: given the
     /// radius that the `k`-th photon sets, wherever it lies, the others are spread like the flux.
     ///
-    /// Photons above or below the surface that the centre lies in count where there is a free way to them. So do all photons where
-    /// there is none to the nearest, where something is right above the centre, or next to nothing of the disc can be seen: so that a
+    /// Photons above or below the surface that the centre lies in count where there is a free way to them, which is sought for a few
+    /// of them first. So do all photons where there is none to the nearest, where something is right above the centre, or next to nothing of the disc can be seen: so that a
     /// place in a closed body gets nothing of the photons outside.
     pub fn estimate_irradiance_visible(
         &self,
@@ -183,16 +188,7 @@ impl PhotonMap {
             // Flux of 1e30 W at one point exceeds what f32 can hold.
             (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
         };
-        // At a photon the nearest is that photon.
-        let nearest = found.iter().take(photons).min_by(|a, b| a.1.total_cmp(&b.1));
-        let is_here = |distance_squared: f32| distance_squared <= least_radius * least_radius;
-        let sees = |sight: &mut _, index: usize| {
-            let photon = self.photon(index);
-            Sight::sees(sight, photon.position, photon.normal())
-        };
-        let is_hidden =
-            nearest.is_some_and(|(index, distance)| !is_here(distance) && !sees(&mut *sight, index));
-        if query.faint > 0.0 && !query.narrower && !is_hidden {
+        if query.faint > 0.0 && !query.narrower {
             let whole = Disc { radius, domain: None };
             let (mut sum, mut counted) = (DVec3::ZERO, 0);
             for (index, distance_squared) in found.iter().take(photons).filter(|&(_, d)| is_inside(d)) {
@@ -206,34 +202,98 @@ impl PhotonMap {
         }
         let seen = sight.feel(radius);
         let is_local = !matches!(seen, Seen::Little);
+        // Centres of precomputed points are photons, which need no way to themselves.
+        let is_here = |distance_squared: f32| distance_squared <= least_radius * least_radius;
+        let sees = |sight: &mut _, index: usize| {
+            let photon = self.photon(index);
+            Sight::sees(sight, photon.position, photon.normal())
+        };
+        let is_doubtful = |index: usize, distance_squared: f32| {
+            let offset = self.position(index) - query.position;
+            leaves_surface(distance_squared, offset, query.normal + self.normal(index))
+        };
+        let is_low = |index| (self.position(index) - query.position).dot(query.normal) < 0.0;
+        let clear = if sight.feels() && !sight.is_covered() {
+            clear_distance(seen.least_reach().min(radius))
+        } else {
+            0.0
+        };
+        let is_hidden =
+            found.iter().take(photons).min_by(|a, b| a.1.total_cmp(&b.1)).is_some_and(|(index, d)| {
+                let is_clear = d <= clear * clear && !is_doubtful(index, d);
+                !is_here(d) && !is_clear && !sees(&mut *sight, index)
+            });
         let asks_each = is_hidden || !is_local || sight.is_covered();
+        // Where the centre faces nothing within the radius, nothing hides what lies higher.
+        let is_open = sight.feels() && sight.outlook(radius) > radius;
         let wide = Disc { radius, domain: seen.part().copied() };
         let narrow = query.narrower.then(|| wide.narrowed());
-        let (mut sum, mut narrow_sum) = (DVec3::ZERO, DVec3::ZERO);
-        let mut counted = 0;
-        for (index, distance_squared) in found.iter().take(photons) {
-            let offset = || self.position(index) - query.position;
-            if !is_inside(distance_squared) || !wide.contains(offset) {
-                continue;
-            }
-            let is_doubtful =
-                || leaves_surface(distance_squared, offset(), query.normal + self.normal(index));
-            if (asks_each && !is_here(distance_squared) || is_doubtful()) && !sees(&mut *sight, index) {
-                continue;
-            }
-            counted += 1;
+        let is_counted = |index: usize, distance_squared: f32| {
+            is_inside(distance_squared) && wide.contains(|| self.position(index) - query.position)
+        };
+        let mut add = |sums: &mut Sums, index: usize, distance_squared: f32| {
+            sums.photons += 1;
             let brought = contribution(index);
-            sum += (brought * wide.weight(params.kernel, distance_squared)).as_dvec3();
+            sums.wide += (brought * wide.weight(params.kernel, distance_squared)).as_dvec3();
             if let Some(narrow) = &narrow
                 && distance_squared <= narrow.radius * narrow.radius
-                && narrow.contains(offset)
+                && narrow.contains(|| self.position(index) - query.position)
             {
-                narrow_sum += (brought * narrow.weight(params.kernel, distance_squared)).as_dvec3();
+                sums.narrow += (brought * narrow.weight(params.kernel, distance_squared)).as_dvec3();
+            }
+        };
+        let (mut sums, mut doubtful) = (Sums::default(), Sums::default());
+        let mut may_be_hidden = 0;
+        for (index, distance_squared) in found.iter().take(photons) {
+            if !is_counted(index, distance_squared) {
+                continue;
+            }
+            if asks_each && !is_here(distance_squared) {
+                if sees(&mut *sight, index) {
+                    add(&mut sums, index, distance_squared);
+                }
+            } else if is_doubtful(index, distance_squared) {
+                add(&mut doubtful, index, distance_squared);
+                may_be_hidden += usize::from(!is_open || is_low(index));
+            } else {
+                add(&mut sums, index, distance_squared);
             }
         }
-        let value = density(sum, &wide);
-        let narrower = narrow.map_or(value, |narrow| density(narrow_sum, &narrow));
-        Estimate { value, photons: counted, narrower, is_local, ..nothing }
+        if doubtful.photons > 0 {
+            let all = || {
+                found.iter().take(photons).filter(|&(index, d)| is_counted(index, d) && is_doubtful(index, d))
+            };
+            let step = may_be_hidden.div_ceil(MOST_ASKED).max(1);
+            let mut some = all().filter(|&(index, _)| !is_open || is_low(index)).step_by(step);
+            if may_be_hidden == 0 || some.all(|(index, _)| sees(&mut *sight, index)) {
+                sums.add(&doubtful);
+            } else {
+                for (index, distance_squared) in all() {
+                    if sees(&mut *sight, index) {
+                        add(&mut sums, index, distance_squared);
+                    }
+                }
+            }
+        }
+        let value = density(sums.wide, &wide);
+        let narrower = narrow.as_ref().map_or(value, |narrow| density(sums.narrow, narrow));
+        Estimate { value, photons: sums.photons, narrower, is_local, ..nothing }
+    }
+}
+
+/// Contributions of photons, each times its weight, over the disc and the narrower one.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    photons: u32,
+    wide: DVec3,
+    narrow: DVec3,
+}
+
+impl Sums {
+    fn add(&mut self, other: &Self) {
+        self.photons += other.photons;
+        self.wide += other.wide;
+        self.narrow += other.narrow;
     }
 }
 

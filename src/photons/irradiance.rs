@@ -1,4 +1,4 @@
-use super::domain::{KernelDomain, Seen, Sight};
+use super::domain::{KernelDomain, Seen, Sight, clear_distance};
 use super::estimate::EstimateParams;
 use super::kd_tree::{Block, KdTree, Point, Visitor};
 use super::map::{
@@ -22,6 +22,10 @@ const NEIGHBOURS: usize = 32;
 /// Share of the distance to what a point faces beyond which its neighbours lie too far apart to show where direct light ends: over
 /// such lengths shadows change, and the place asks the lights itself.
 const LARGEST_SHARE_OF_OUTLOOK: f32 = 0.25;
+
+/// Distance, over the radius of an estimate, beyond which it does not matter what the place faces: its neighbours lie no farther apart
+/// than [`LARGEST_SHARE_OF_OUTLOOK`] of that, but for rare ones.
+const LARGEST_OUTLOOK: f32 = 32.0;
 
 /// Share of the photons around a point from which on those of direct light are so many more than the others that where the light
 /// ends, as at the edge of a patch of sun, points within answer for much that is without, where there are few: a place then asks
@@ -52,9 +56,9 @@ pub struct IrradianceMap {
 #[derive(Clone, Copy, Debug)]
 struct Value {
     irradiance: Rgbe,
-    /// How far one can go from the point in every direction before something stands in the way, as far as feelers told; infinite
-    /// in the open, and for [`IrradianceMap::near`] a share of the radius of its estimate. Zero where the point answers for no
-    /// place. With its sign set where light straight from the lights is left out of the irradiance.
+    /// How far feelers went from the point in every direction before something stood in their way, or as long as they are; for
+    /// [`IrradianceMap::near`] a share of the radius of its estimate. Infinite where there were no feelers, and zero where the point
+    /// answers for no place. With its sign set where light straight from the lights is left out of the irradiance.
     felt: f32,
     /// Distance of the neighbour that ends what the point answers for ([`NEIGHBOURS`]).
     reach: f32,
@@ -86,6 +90,8 @@ pub(super) struct IrradiancePoint {
     is_direct: bool,
     /// Distance of what the point faces.
     outlook: f32,
+    /// Whether its estimate rests on fewer than half of the photons that were asked for.
+    is_poor: bool,
 }
 
 impl Point for IrradiancePoint {
@@ -186,6 +192,7 @@ impl PhotonMap {
                         reflected: None,
                         is_direct: false,
                         outlook: 0.0,
+                        is_poor: false,
                     };
                 }
                 let by_lights = direct.and_then(|direct| direct(i as u64, photon.position, normal));
@@ -210,7 +217,12 @@ impl PhotonMap {
                     normal: normal_code(normal),
                     reflected: by_lights.map(|_| Rgbe::encode_dithered(by_photons.value, dither)),
                     is_direct: photon.class() == PhotonClass::Direct,
-                    outlook: if share.is_finite() { f32::INFINITY } else { noting.sight.outlook() },
+                    outlook: if share.is_finite() {
+                        f32::INFINITY
+                    } else {
+                        noting.sight.outlook(LARGEST_OUTLOOK * by_photons.radius)
+                    },
+                    is_poor: (by_photons.photons as usize) < template.k / 2,
                 }
             })
             .collect();
@@ -230,7 +242,15 @@ struct Noting<S> {
 impl<S: Sight> Sight for Noting<S> {
     fn feel(&mut self, radius: f32) -> Seen {
         let seen = self.sight.feel(radius);
-        self.reach = seen.part().map_or(f32::INFINITY, KernelDomain::least_reach);
+        self.reach = match &seen {
+            Seen::Part(domain) => domain.least_reach(),
+            Seen::Whole if self.sight.feels() => KernelDomain::length_for(radius),
+            Seen::Whole | Seen::Little => f32::INFINITY,
+        };
+        // Next to nothing is known around a place under something.
+        if self.sight.is_covered() {
+            self.reach = self.reach.min(f32::MIN_POSITIVE);
+        }
         seen
     }
 
@@ -238,12 +258,16 @@ impl<S: Sight> Sight for Noting<S> {
         self.sight.sees(position, normal)
     }
 
+    fn feels(&self) -> bool {
+        self.sight.feels()
+    }
+
     fn is_covered(&self) -> bool {
         self.sight.is_covered()
     }
 
-    fn outlook(&mut self) -> f32 {
-        self.sight.outlook()
+    fn outlook(&mut self, within: f32) -> f32 {
+        self.sight.outlook(within)
     }
 }
 
@@ -256,8 +280,10 @@ impl IrradianceMap {
             .with_max_len(1024)
             .map_init(Vec::new, |keys, point| {
                 let reach = spacing(&tree, point.position, keys);
-                let felt = point.reach;
                 let is_sparse = reach > LARGEST_SHARE_OF_OUTLOOK * point.outlook;
+                // An estimate that blurs a whole room is no estimate of this place; and places that are answered where photons happen to
+                // lie, and sampled elsewhere, are too bright in the mean.
+                let felt = if is_sparse && point.is_poor { 0.0 } else { point.reach };
                 match point.reflected {
                     Some(irradiance) if is_sparse || is_mostly_direct(&points, point, keys) => {
                         Value { irradiance, felt: -felt, reach }
@@ -299,6 +325,7 @@ impl IrradianceMap {
             reflected: None,
             is_direct: false,
             outlook: f32::INFINITY,
+            is_poor: false,
         })
     }
 
@@ -366,7 +393,7 @@ impl IrradianceMap {
             self.tree.search(position, &mut answering);
             let index = index_of(answering.best()?);
             let Value { irradiance, felt, .. } = self.values[index];
-            if self.connects(index, &connects) {
+            if self.is_clear(index, position, normal) || self.connects(index, &connects) {
                 return Some(PointIrradiance {
                     irradiance: irradiance.decode(),
                     lacks_direct: felt.is_sign_negative(),
@@ -375,6 +402,19 @@ impl IrradianceMap {
             refused.push(index);
         }
         None
+    }
+
+    /// Whether the feelers of a point tell that a free way leads to a place on its surface.
+    fn is_clear(&self, index: usize, position: Vec3, normal: Vec3) -> bool {
+        let felt = self.values[index].felt.abs();
+        if !felt.is_finite() {
+            return false;
+        }
+        let v = self.tree.position(index) - position;
+        let distance_squared = v.length_squared();
+        let clear = clear_distance(felt);
+        distance_squared <= clear * clear
+            && !leaves_surface(distance_squared, v, normal + decode_normal(self.tree.tag(index)))
     }
 
     fn connects(&self, index: usize, connects: impl Fn(Vec3, Vec3) -> bool) -> bool {

@@ -203,9 +203,9 @@ struct Stored {
     surfaces: Option<Vec<u32>>,
 }
 
-/// A photon whose power has grown by more than this is cut off and counted. Power grows where shading and geometric normals differ, each
-/// time by at most some ten times, and falls as often: no more than one photon in so many grows so far on sound meshes (Markov's
-/// inequality), but where the normals of a closed body contradict each other it may never stop growing.
+/// A photon whose power has grown by more than this, roulette apart, is cut off and counted. Power grows where shading and geometric
+/// normals differ, each time by at most some ten times, and falls as often: no more than one photon in so many grows so far on sound
+/// meshes (Markov's inequality), but where the normals of a closed body contradict each other it may never stop growing.
 const LARGEST_GROWTH: f32 = 1000.0;
 
 /// Photons that a thread has under way at a time. Each goes its own way, whatever the others do; but while one waits for
@@ -217,7 +217,7 @@ struct Flight {
     rng: Rng,
     ray: Ray,
     power: Rgb,
-    /// Brightest channel of the power with which it started.
+    /// Brightest channel of the power with which it started, times the factors of [`chain_roulette`] since.
     started_with: f32,
     medium: Surroundings,
     /// Surfaces met.
@@ -379,6 +379,7 @@ impl Flight {
             self.check_medium(scene, hit, tally);
             let Some(survived) = chain_roulette(self.chain, || self.rng.next_f32()) else { return false };
             weight = survived;
+            self.started_with *= survived;
             self.chain += 1;
         } else {
             self.only_specular = false;

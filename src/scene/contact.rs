@@ -191,19 +191,19 @@ thread_local! {
 }
 
 impl Scene {
-    /// What a ray meets where it hit `found`, without textures: that surface, or of all that lie at the same place the one that
+    /// Where a ray hit `found`, what it meets, without textures: that surface, or of all that lie at the same place the one that
     /// comes first.
     #[inline(never)]
     pub(super) fn first_of_contact(
         &self,
         contacts: &Contacts,
-        found: SurfaceInteraction,
-        raw: &RawHit,
-    ) -> (SurfaceInteraction, RawHit) {
-        CROSSINGS.with(|crossings| match crossings.try_borrow_mut() {
-            Ok(mut crossings) => self.first_at(contacts, found, raw, &mut crossings),
-            Err(_) => self.first_at(contacts, found, raw, &mut Crossings::default()),
-        })
+        found: &mut SurfaceInteraction,
+        raw: &mut RawHit,
+    ) {
+        (*found, *raw) = CROSSINGS.with(|crossings| match crossings.try_borrow_mut() {
+            Ok(mut crossings) => self.first_at(contacts, *found, raw, &mut crossings),
+            Err(_) => self.first_at(contacts, *found, raw, &mut Crossings::default()),
+        });
     }
 
     fn first_at(

@@ -58,10 +58,10 @@ impl Shading {
     /// of a Lambertian surface ([`Bend::lambert_share`]).
     #[inline]
     pub fn eval_photon(&self, wi: Vec3) -> Rgb {
-        let f = self.eval(Lobe::Diffuse, wi);
-        let (Some(bend), false) = (self.bend, f == Rgb::ZERO) else { return f };
-        let share = bend.lambert_share(wi) * wi.dot(self.frame.to_local(self.geometric)).abs();
-        if share > 0.0 { f / share } else { Rgb::ZERO }
+        match self.bent() {
+            None => self.bsdf.eval(Lobe::Diffuse, self.wo_local, wi, TransportMode::Radiance),
+            Some(bent) => bent.eval_photon(wi),
+        }
     }
 
     /// Where a Lambertian lobe sends light for the world's direction `w` that was drawn around the shading normal by its

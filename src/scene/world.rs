@@ -381,14 +381,17 @@ impl Scene {
     /// that comes first.
     #[inline(always)]
     pub fn met(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
-        let found = self.plain_interaction(ray, hit);
-        let (found, hit) = match &self.contacts {
-            Some(contacts) if contacts.may_touch(found.surface, found.point.position) => {
-                self.first_of_contact(contacts, found, hit)
-            }
-            _ => (found, *hit),
-        };
-        if self.parts.textures.is_empty() { found } else { self.textured(found, &hit) }
+        let mut found = self.plain_interaction(ray, hit);
+        let mut first = *hit;
+        if let Some(contacts) = &self.contacts
+            && contacts.may_touch(found.surface, found.point.position)
+        {
+            self.first_of_contact(contacts, &mut found, &mut first);
+        }
+        if !self.parts.textures.is_empty() {
+            self.add_textures(&mut found, &first);
+        }
+        found
     }
 
     /// Whether anything lies on the segment.
@@ -401,8 +404,11 @@ impl Scene {
     /// [`Self::met`] is what a ray meets.
     #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
-        let found = self.plain_interaction(ray, hit);
-        if self.parts.textures.is_empty() { found } else { self.textured(found, hit) }
+        let mut found = self.plain_interaction(ray, hit);
+        if !self.parts.textures.is_empty() {
+            self.add_textures(&mut found, hit);
+        }
+        found
     }
 
     /// [`Self::interaction`] without textures.
@@ -422,11 +428,11 @@ impl Scene {
         self.general_interaction(ray, hit)
     }
 
-    /// The hit with the textures of its material looked up.
+    /// Looks up the textures of the material of a hit.
     #[inline(never)]
-    fn textured(&self, mut found: SurfaceInteraction, hit: &RawHit) -> SurfaceInteraction {
-        let Some(texture) = self.texture_of(found.material) else { return found };
-        texture.apply(&mut found, &self.parts.space, self.parts.pixel);
+    fn add_textures(&self, found: &mut SurfaceInteraction, hit: &RawHit) {
+        let Some(texture) = self.texture_of(found.material) else { return };
+        texture.apply(found, &self.parts.space, self.parts.pixel);
         let surface = &self.parts.surfaces[found.surface as usize];
         if let (Some(layers), Geometry::Mesh(mesh)) = (&texture.layers, &surface.geometry)
             && let Some(data) = &mesh.data
@@ -437,10 +443,9 @@ impl Scene {
             };
             let (primitive, uv, flipped) = (hit.primitive, hit.uv, surface.flip_normal);
             let site = Site { mesh, data, placement, primitive, uv, pixel: self.parts.pixel, flipped };
-            layers.apply(&mut found, &site);
+            layers.apply(found, &site);
         }
         found.shading_normal = within_reach(found.shading_normal, found.point.normal);
-        found
     }
 
     /// Textures of a material, if it has any.
@@ -543,10 +548,10 @@ impl Scene {
         if headroom < LIFT * radius { 0.5 * headroom / radius } else { LIFT }
     }
 
-    /// How far one can go from `position` along the unit `normal` of the surface there before something is in the way; infinite in
-    /// the open. What is so close that rounding may have put the place beyond it is passed over.
-    pub fn headroom(&self, position: Vec3, normal: Vec3) -> f32 {
-        let up = Ray::new(position + normal * ROUNDED, normal);
+    /// How far one can go from `position` along the unit `normal` of the surface there before something is in the way; infinite where
+    /// that is farther than `within`. What is so close that rounding may have put the place beyond it is passed over.
+    pub fn headroom(&self, position: Vec3, normal: Vec3, within: f32) -> f32 {
+        let up = Ray { t_max: within, ..Ray::new(position + normal * ROUNDED, normal) };
         self.parts.embree.intersect(&up).map_or(f32::INFINITY, |hit| ROUNDED + hit.t)
     }
 
@@ -647,11 +652,27 @@ impl Scene {
         self.plain_interaction(ray, hit).facing_normal()
     }
 
-    /// What a ray within `current` crosses at a hit; `None` where the surface bounds no media.
+    /// Media on the near and far side of a hit, as its material states them; `None` where the surface bounds no media.
     #[inline]
-    fn crossing(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Crossing> {
+    fn stated_sides(&self, hit: &SurfaceInteraction) -> Option<[MediumId; 2]> {
         let [inside, outside] = self.material(hit).media()?;
-        let (near, far) = if hit.is_front() { (outside, inside) } else { (inside, outside) };
+        Some(if hit.is_front() { [outside, inside] } else { [inside, outside] })
+    }
+
+    /// Media that are on the near and far side of a hit for a ray within `current`; `None` where the surface bounds no media.
+    #[inline]
+    fn sides(&self, current: &Surroundings, hit: &SurfaceInteraction) -> Option<[MediumId; 2]> {
+        let [near, far] = self.stated_sides(hit)?;
+        if hit.borders.is_empty() {
+            return Some(current.sides(near, far, &self.parts.media));
+        }
+        let crossing = self.crossing(*current, hit)?;
+        Some([crossing.before.medium(), crossing.after.medium()])
+    }
+
+    /// What a ray within `current` crosses at a hit; `None` where the surface bounds no media.
+    fn crossing(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Crossing> {
+        let [near, far] = self.stated_sides(hit)?;
         let crossing = if hit.borders.is_empty() {
             current.crossing(near, far, &self.parts.media)
         } else {
@@ -705,7 +726,11 @@ impl Scene {
     /// Where a ray is behind a border that is not there; `None` for all other surfaces.
     #[inline]
     pub fn hidden(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Surroundings> {
-        self.crossing(current, hit).filter(Crossing::is_hidden).map(|crossing| crossing.after)
+        let [near, far] = self.sides(&current, hit)?;
+        if near != far {
+            return None;
+        }
+        self.crossing(current, hit).map(|crossing| crossing.after)
     }
 
     #[cold]
@@ -737,8 +762,7 @@ impl Scene {
     pub fn shading_within(&self, hit: &SurfaceInteraction, current: Surroundings) -> Shading {
         let material = self.material(hit);
         let Some(stated) = material.media() else { return hit.shading(material) };
-        let Some(crossing) = self.crossing(current, hit) else { return hit.shading(material) };
-        let (near, far) = (crossing.before.medium(), crossing.after.medium());
+        let Some([near, far]) = self.sides(&current, hit) else { return hit.shading(material) };
         let [inside, outside] = if hit.is_front() { [far, near] } else { [near, far] };
         if [inside, outside] == stated {
             return hit.shading(material);
@@ -772,6 +796,9 @@ impl Scene {
     /// it is within `current` by all that the hit tells. The scene's interfaces contradict each other then.
     #[inline]
     pub fn mismatch(&self, hit: &SurfaceInteraction, current: Surroundings) -> Option<Surroundings> {
+        if hit.borders.is_empty() && current.is_within(self.stated_sides(hit)?[0]) && !current.is_full() {
+            return None;
+        }
         self.crossing(current, hit).filter(|crossing| !crossing.fits).map(|crossing| crossing.before)
     }
 

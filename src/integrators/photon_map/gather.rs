@@ -18,7 +18,7 @@ use std::f32::consts::FRAC_1_PI;
 const CLOSE_RECURSIONS: u32 = 2;
 
 /// Diffuse reflections after the first one for which too few photons are still replaced by sampling.
-const POOR_RECURSIONS: u32 = 8;
+const POOR_RECURSIONS: u32 = 32;
 
 /// Diffuse reflections after the first one that are followed without Russian roulette, where they are what a gather ray meets
 /// first.

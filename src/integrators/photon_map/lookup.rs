@@ -84,6 +84,9 @@ fn look_up(
     (estimate, place.seen)
 }
 
+/// Distance along the normal over that of a photon, within which it matters for a free way to the photon what the place faces.
+const WAY_HEADROOM: f32 = 2.0;
+
 /// A place on a surface, and what its rays tell of the surfaces around.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
@@ -91,8 +94,8 @@ pub struct Place<'a> {
     position: Vec3,
     normal: Vec3,
     feels: bool,
-    /// How far one can go along the normal; once that was asked.
-    headroom: Option<f32>,
+    /// How far one can go along the normal, where that is no farther than the distance within which it was asked; and that distance.
+    headroom: (f32, f32),
     is_covered: bool,
     seen: f32,
     rays: u64,
@@ -101,17 +104,18 @@ pub struct Place<'a> {
 impl<'a> Place<'a> {
     /// At `position` on a surface that faces along the unit `normal`; whether it `feels` how far one can go along the surface.
     pub fn new(scene: &'a Scene, position: Vec3, normal: Vec3, feels: bool) -> Self {
-        let (seen, headroom) = (f32::INFINITY, None);
+        let (seen, headroom) = (f32::INFINITY, (f32::INFINITY, 0.0));
         Self { scene, position, normal, feels, headroom, is_covered: false, seen, rays: 0 }
     }
 
-    fn headroom(&mut self) -> f32 {
-        let Self { scene, position, normal, .. } = *self;
-        let rays = &mut self.rays;
-        *self.headroom.get_or_insert_with(|| {
-            *rays += 1;
-            scene.headroom(position, normal)
-        })
+    /// Distance along the normal to what the centre faces; infinite where that is farther than `within`.
+    fn headroom(&mut self, within: f32) -> f32 {
+        let (found, asked) = self.headroom;
+        if found.is_infinite() && asked < within {
+            self.rays += 1;
+            self.headroom = (self.scene.headroom(self.position, self.normal, within), within);
+        }
+        self.headroom.0
     }
 }
 
@@ -121,7 +125,7 @@ impl Sight for Place<'_> {
             return Seen::Whole;
         }
         let length = KernelDomain::length_for(radius);
-        let lift = Scene::feeler_lift(self.headroom(), length);
+        let lift = Scene::feeler_lift(self.headroom(length), length);
         self.is_covered = lift < Scene::feeler_lift(length, length);
         let Self { scene, position, normal, .. } = *self;
         let felt = Cell::new(0);
@@ -135,16 +139,22 @@ impl Sight for Place<'_> {
     }
 
     fn sees(&mut self, position: Vec3, normal: Vec3) -> bool {
-        let headroom = self.headroom();
+        // Ways rise no higher than half of that.
+        let within = WAY_HEADROOM * position.distance(self.position);
+        let headroom = self.headroom(within).min(within);
         self.rays += 1;
         self.scene.connects_upwards((self.position, self.normal), headroom, (position, normal))
+    }
+
+    fn feels(&self) -> bool {
+        self.feels
     }
 
     fn is_covered(&self) -> bool {
         self.is_covered
     }
 
-    fn outlook(&mut self) -> f32 {
-        self.headroom()
+    fn outlook(&mut self, within: f32) -> f32 {
+        self.headroom(within)
     }
 }

@@ -25,6 +25,7 @@ use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::image_io::ImageError;
 use crate::lights::{AreaLight, Light};
 use crate::math::Bounds3;
+use crate::media::{MOST_MEDIA_OF_SCENE, MediumId};
 use crate::render::{Observer, Silent};
 use crate::scene::{
     Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
@@ -112,6 +113,9 @@ pub enum BuildProblem {
     /// An illumination map where there can be none.
     #[error("cannot have an illumination map: {0}; leave `illumination-map` out, and its photons are kept")]
     Illumination(&'static str),
+    /// More media than rays can tell apart.
+    #[error("{0} media, of which at most {MOST_MEDIA_OF_SCENE} can be told apart; let bodies share theirs")]
+    Media(usize),
     /// Embree.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
@@ -202,6 +206,9 @@ pub fn build_scene_watched(
     let taken_apart = own_materials::take_apart(description, observer)?;
     let (settled, ready) = around::settle(description, taken_apart, observer)?;
     let description = settled.as_ref().unwrap_or(description);
+    if description.media.len() > MOST_MEDIA_OF_SCENE {
+        return Err(whole(description, BuildProblem::Media(description.media.len())));
+    }
     let mut builder = Builder::read(description, ready, observer)?;
     let placed = builder.placed_bounds();
     let bounds = placed.iter().fold(Bounds3::EMPTY, |all, (_, bounds)| all.union(*bounds));
@@ -770,7 +777,7 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
         MaterialDescription::Dielectric { inside, outside, roughness } => {
             let ior = |medium: usize| description.media[medium].value.ior;
             let smooth = Dielectric::new(ior(outside), ior(inside));
-            let (inside, outside) = (inside as u32, outside as u32);
+            let (inside, outside) = (inside as MediumId, outside as MediumId);
             match RoughDielectric::new(smooth, roughness as f32) {
                 Some(interface) => Material::RoughDielectric { inside, outside, interface },
                 None => Material::Dielectric { inside, outside, interface: smooth },
@@ -778,7 +785,7 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
         }
         MaterialDescription::Layered { ref material, media } => Material::Layered {
             bsdf: material.representative(),
-            media: media.map(|media| media.map(|medium| medium as u32)),
+            media: media.map(|media| media.map(|medium| medium as MediumId)),
         },
         MaterialDescription::Glossy { bsdf, two_sided, tangent } => {
             Material::Glossy { bsdf, two_sided, tangent }
