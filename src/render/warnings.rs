@@ -1,6 +1,6 @@
 //! What a user should know of a finished picture.
 
-use super::maps::{contradiction, is_worth_a_warning, listed};
+use super::maps::{contradiction, is_worth_a_warning};
 use super::stats::Statistics;
 use crate::image_io::take_tile_failures;
 use crate::media::MOST_MEDIA;
@@ -51,7 +51,7 @@ pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
         warnings.push(format!(
             "bodies of more than {MOST_MEDIA} media overlap at one place, of which only {MOST_MEDIA} are followed, so that light \
              behind them is wrong: give some of them the same medium, or take them apart ({})",
-            listed(overfull.iter().copied())
+            overfull.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
         ));
     }
     let panics = scene.embree().panics();

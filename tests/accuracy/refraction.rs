@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 /// Reflectance of an interface for unpolarised light, from the side of index 1 into index `n`: Fresnel's equations as
 /// textbooks have them, apart from the renderer's own.
 pub(crate) fn fresnel(n: f64, cosine: f64) -> f64 {
-    let sine = (1.0 - cosine * cosine).sqrt() / n;
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt() / n;
     if sine >= 1.0 {
         return 1.0;
     }
