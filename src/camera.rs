@@ -56,6 +56,12 @@ impl Camera {
         Self { lens: is_one.then_some(lens), ..self }
     }
 
+    /// The same camera with left and right of its picture exchanged.
+    #[must_use]
+    pub fn mirrored(self) -> Self {
+        Self { right: -self.right, ..self }
+    }
+
     /// The lens, if it is not a pinhole.
     pub fn lens(&self) -> Option<Lens> {
         self.lens

@@ -523,8 +523,7 @@ impl Findings<'_> {
         let mismatches = sum(|tally| tally.medium_mismatches);
         let met = sum(|tally| tally.interfaces);
         if is_worth_a_warning(mismatches, met) {
-            warnings
-                .push(format!("{mismatches} of {met} photons {}", contradiction(&self.scene.mismatched())));
+            warnings.push(format!("{mismatches} of {met} photons {}", contradiction(&[])));
         }
         self.warn_of_casters(warnings);
         self.warn_of_lights(missing, divided, warnings);

@@ -129,6 +129,8 @@ pub struct CameraDescription {
     pub fov_axis: FovAxis,
     /// The lens; none for a pinhole.
     pub lens: Option<LensDescription>,
+    /// Whether left and right of the picture are exchanged.
+    pub mirrored: bool,
 }
 
 impl CameraDescription {
@@ -654,6 +656,7 @@ mod tests {
             fov: 90.0,
             fov_axis: FovAxis::Horizontal,
             lens: None,
+            mirrored: false,
         };
         assert!((camera.vertical_fov(100, 100) - 90.0).abs() < 1e-12);
         assert!((camera.vertical_fov(200, 100) - 2.0 * 0.5f64.atan().to_degrees()).abs() < 1e-12);

@@ -245,6 +245,7 @@ fn within(bounds: &Bounds3, eye: DVec3, at: DVec3, location: &Location) -> Camer
     let size = bounds.max - bounds.min;
     CameraDescription {
         lens: None,
+        mirrored: false,
         location: location.clone(),
         eye: bounds.min + size * eye,
         at: bounds.min + size * at,

@@ -342,6 +342,7 @@ pub(super) fn camera(
         fov,
         fov_axis: FovAxis::Vertical,
         lens: None,
+        mirrored: false,
     };
     Ok((description, lens.aspect_ratio().filter(|aspect| aspect.is_finite() && *aspect > 0.0)))
 }

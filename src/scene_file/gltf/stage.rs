@@ -293,6 +293,7 @@ fn framing(bounds: &Bounds3, aspect: f64, view: DVec3, location: &Location) -> C
     let distance = distance.fold(0.0, f64::max);
     CameraDescription {
         lens: None,
+        mirrored: false,
         location: location.clone(),
         eye: center + towards * distance,
         at: center,

@@ -215,7 +215,7 @@ fn combined(colours: &TextureSlot, mask: &TextureSlot) -> Option<TextureSlot> {
     };
     let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
     let pixels: Vec<_> = places.map(|(x, y)| at(colours, x, y).truncate().extend(at(mask, x, y).w)).collect();
-    let texture = Arc::new(super::texture::texture_of(width, height, &pixels));
+    let texture = Arc::new(super::pictures::texture_of(width, height, &pixels));
     Some(TextureSlot { texture, ..colours.clone() })
 }
 

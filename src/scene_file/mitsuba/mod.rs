@@ -2,12 +2,18 @@
 
 mod bsdf;
 mod cie;
+mod elements;
 mod error;
 mod facets;
 mod indices;
 mod light;
+mod literal;
 mod material;
+#[cfg(test)]
+mod material_tests;
+mod models;
 mod parse;
+mod pictures;
 mod principled;
 mod report;
 mod serialized;
@@ -20,6 +26,7 @@ mod texture;
 mod value;
 mod vertices;
 mod view;
+mod wrappers;
 mod xml;
 
 use self::bsdf::Surface;

@@ -2,7 +2,7 @@
 
 use super::cie::{FIRST, ROWS, STEP};
 use super::error::{Fault, fail};
-use super::parse::{number, tokens};
+use super::literal::{number, tokens};
 use super::value::shown;
 use super::xml::Place;
 use crate::files::{read_regular, text_of};

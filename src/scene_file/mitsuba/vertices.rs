@@ -1,7 +1,8 @@
 //! What textures need at the vertices of a mesh: tangents, and bumps as a map of normals.
 
 use super::material::Needs;
-use super::texture::{luminance, texture_of};
+use super::pictures::texture_of;
+use super::texture::luminance;
 use crate::math::unit_f64;
 use crate::scene_file::mesh::TriangleMesh;
 use crate::textures::{Sampler, TextureSlot, VertexData, Wrap};

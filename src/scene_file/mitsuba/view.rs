@@ -217,9 +217,6 @@ impl Importer {
                 "give it a scale that is not zero",
             );
         }
-        if matrix.determinant() < 0.0 {
-            self.report.warn(object, "its transform mirrors, and the picture is not mirrored");
-        }
         let eye = to_world.translation;
         if is_lens && !(focus > 0.0) {
             return fail(&object.place, format!("a focus distance of {focus}"), "write a number above 0");
@@ -232,6 +229,7 @@ impl Importer {
             fov,
             fov_axis,
             lens: (radius > 0.0).then_some(LensDescription { radius, focus }),
+            mirrored: matrix.determinant() < 0.0,
         });
         Ok(())
     }

@@ -66,7 +66,7 @@ pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescr
         }
     }
     let (eye, at) = (eye * unit, at * unit);
-    Some(CameraDescription { location, eye, at, up, fov: fov?, fov_axis: fov_axis?, lens })
+    Some(CameraDescription { location, eye, at, up, fov: fov?, fov_axis: fov_axis?, lens, mirrored: false })
 }
 
 /// The lens, by its radius or by f-number and focal length; what is sharp is where `at` is unless it is said otherwise.
