@@ -123,7 +123,7 @@ fn what_is_wrong_is_named() {
          f 4 8 5 1\n",
     );
     let told = done(folder, &render("open.obj", &["--set", "material=glass"]));
-    assert!(told.contains("the mesh is open there"), "{told}");
+    assert!(told.contains("at `mesh`") && told.contains("the mesh is open there"), "{told}");
     // A closed one is sound.
     write("ball.toml", &ball("glass", POINT));
     let told = done(folder, &render("ball.toml", &[]));
@@ -173,6 +173,8 @@ fn files_without_a_scene_file_are_told_what_they_can_do() {
     let folder = folder.path();
     let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/gltf/triangle.gltf");
     let model = model.to_str().unwrap();
+    let told = done(folder, &["info", model, "--set", "light=no"]);
+    assert!(told.contains("leave `--set light=no` out") && !told.contains("[[lights]]"), "{told}");
     refused(folder, &["info", model, "--up", "z"], 1, &["glTF has y up"]);
     refused(
         folder,

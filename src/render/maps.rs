@@ -523,7 +523,8 @@ impl Findings<'_> {
         let mismatches = sum(|tally| tally.medium_mismatches);
         let met = sum(|tally| tally.interfaces);
         if is_worth_a_warning(mismatches, met) {
-            warnings.push(format!("{mismatches} of {met} photons {}", contradiction(&[])));
+            warnings
+                .push(format!("{mismatches} of {met} photons {}", contradiction(&self.scene.mismatched())));
         }
         self.warn_of_casters(warnings);
         self.warn_of_lights(missing, divided, warnings);

@@ -20,7 +20,11 @@ pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
         ));
     }
     if is_worth_a_warning(counters.medium_mismatches, counters.interfaces) {
-        warnings.push(format!("{} times a ray {}", counters.medium_mismatches, contradiction(&[])));
+        warnings.push(format!(
+            "{} times a ray {}",
+            counters.medium_mismatches,
+            contradiction(&scene.mismatched())
+        ));
     }
     if is_worth_a_warning(counters.rare_glints, counters.camera_rays) {
         warnings.push(format!(

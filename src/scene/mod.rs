@@ -5,6 +5,7 @@ mod crossings;
 mod illuminated;
 mod layered;
 mod material;
+mod misfits;
 mod plan;
 mod render_space;
 mod shading;

@@ -4,6 +4,7 @@ use super::contact::{Borders, Contacts};
 use super::illuminated::IlluminatedShape;
 use super::layered::Site;
 use super::material::Material;
+use super::misfits::Misfits;
 use super::render_space::RenderSpace;
 use super::shading::Shading;
 use super::surface::{DiffuseHit, HitPoint, Placement, SurfaceInteraction, TrianglePoint, within_reach};
@@ -174,6 +175,8 @@ pub struct Scene {
     contacts: Option<Contacts>,
     /// Media of bodies that overlap at places where there are too many of them to be followed.
     overfull: Mutex<BTreeSet<MediumId>>,
+    /// Surfaces whose interfaces contradict where rays are.
+    misfits: Misfits,
     /// Whether any material bounds a medium.
     has_interfaces: bool,
     /// By light, the bodies in front of it and behind it; found when first asked for.
@@ -213,6 +216,7 @@ impl Scene {
         let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
         let has_interfaces = parts.materials.iter().any(|(_, material)| material.media().is_some());
         let (light_media, overfull) = (OnceLock::new(), Mutex::default());
+        let misfits = Misfits::of(if has_interfaces { parts.surfaces.len() } else { 0 });
         Self {
             parts,
             casters,
@@ -221,6 +225,7 @@ impl Scene {
             open,
             contacts,
             overfull,
+            misfits,
             has_interfaces,
             light_media,
         }
@@ -799,7 +804,16 @@ impl Scene {
         if hit.borders.is_empty() && current.is_within(self.stated_sides(hit)?[0]) && !current.is_full() {
             return None;
         }
-        self.crossing(current, hit).filter(|crossing| !crossing.fits).map(|crossing| crossing.before)
+        let crossing = self.crossing(current, hit).filter(|crossing| !crossing.fits)?;
+        self.misfits.note(hit.surface);
+        Some(crossing.before)
+    }
+
+    /// Names of the surfaces at which [`Self::mismatch`] found most of what contradicts, the worst first.
+    pub fn mismatched(&self) -> Vec<&str> {
+        let names = self.misfits.worst().into_iter().map(|id| self.parts.surfaces[id as usize].name.as_str());
+        let mut seen = BTreeSet::new();
+        names.filter(|name| seen.insert(*name)).collect()
     }
 
     /// The bodies around `point`, by asking rays in many directions which they leave: the majority decides. None where no ray

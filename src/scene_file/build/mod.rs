@@ -15,7 +15,7 @@ use super::description::{
     CameraDescription, EmissionDescription, FilmDescription, GeometryDescription, IlluminationDescription,
     Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
-use super::gltf::GltfError;
+use super::gltf::{GltfError, is_gltf_file};
 use super::ies::IesError;
 use super::mesh::Cloud;
 use super::mesh_file::MeshFileError;
@@ -398,13 +398,23 @@ impl<'a> Builder<'a> {
         if flux > 0.0 {
             return;
         }
-        let message = if self.description.lights.is_empty()
-            && self.description.shapes.iter().all(|shape| shape.value.emission.is_none())
-        {
-            "the scene has no light, so the picture is black: add a `[[lights]]` table, for example `type = \"environment\"` \
-             with `radiance = [1.0, 1.0, 1.0]`, or `emission` to a shape; for a glTF file leave `--set light=no` out"
-        } else {
-            "all lights of the scene have a power of zero, so the picture is black: give one a power above zero"
+        let is_gltf = is_gltf_file(&self.description.location.file);
+        let is_unlit = self.description.lights.is_empty()
+            && self.description.shapes.iter().all(|shape| shape.value.emission.is_none());
+        let message = match (is_unlit, is_gltf) {
+            (true, true) => {
+                "the file has no light, so the picture is black: leave `--set light=no` out, and that of a studio is added"
+            }
+            (true, false) => {
+                "the scene has no light, so the picture is black: add a `[[lights]]` table, for example `type = \"environment\"` \
+                 with `radiance = [1.0, 1.0, 1.0]`, or `emission` to a shape"
+            }
+            (false, true) => {
+                "all lights of the file have a power of zero, so the picture is black: --set light=yes adds that of a studio"
+            }
+            (false, false) => {
+                "all lights of the scene have a power of zero, so the picture is black: give one a power above zero"
+            }
         };
         let location = self.description.location.clone();
         self.warnings.push(SceneWarning { location, message: message.to_owned() });
