@@ -21,6 +21,6 @@ mod triangles;
 pub use all_hits::AllHits;
 pub use cutout::Cutout;
 pub use device::{Device, EmbreeError, Isa, LibraryVersion};
-pub use procedural::{ObjectHit, Procedural, SurfacePoint};
+pub use procedural::{NearEdge, ObjectHit, Procedural, SurfacePoint};
 pub use scene::{CommittedScene, GeometryId, RawHit, SceneBuilder};
 pub use triangles::{TriangleBuffers, TriangleError};

@@ -124,12 +124,25 @@ pub struct SurfacePoint {
     pub uv: Vec2,
     /// Which of the object's parts, each of which may have a material of its own; 0 where there is but one.
     pub part: u32,
+    /// The edge that the point is next to; `None` far from edges.
+    pub edge: Option<NearEdge>,
+}
+
+/// An edge near a point of a surface, in the object's own space.
+#[derive(Clone, Copy, Debug)]
+pub struct NearEdge {
+    /// Distance of what meets the surface there, or of where the surface ends.
+    pub distance: f64,
+    /// What the object measures across near the edge.
+    pub extent: f64,
+    /// A point of what meets the surface there, next to the edge, and its unit normal; zero where the surface ends.
+    pub other: (DVec3, DVec3),
 }
 
 impl SurfacePoint {
     /// A point of an object of one part, without smoothing.
     pub fn new(position: DVec3, error: Vec3, normal: DVec3, uv: Vec2) -> Self {
-        Self { position, error, normal, shading_normal: normal, uv, part: 0 }
+        Self { position, error, normal, shading_normal: normal, uv, part: 0, edge: None }
     }
 }
 

@@ -198,6 +198,13 @@ impl AreaLight {
         }
     }
 
+    /// Whether all of its pieces are plane.
+    pub fn is_flat(&self) -> bool {
+        let is_round =
+            |piece: &EmitterShape| matches!(piece, EmitterShape::Sphere(_) | EmitterShape::Cylinder(_));
+        !self.pieces.iter().any(is_round)
+    }
+
     /// Of a closed shape.
     fn emits_inward(&self) -> bool {
         self.two_sided || self.flip_normal

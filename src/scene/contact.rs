@@ -1,4 +1,5 @@
-//! Surfaces that touch: where a border between media lies at the same place as another surface, to within rounding.
+//! Surfaces that touch: where a border between media, or a flat emitter, lies at the same place as another surface, to within
+//! rounding.
 //!
 //! A ray that meets one of them meets them all, in a stated order (`docs/conventions.md`), and goes on from beyond them. Where
 //! that can be is found when a scene is made, so that rays elsewhere pay for no second look.
@@ -8,7 +9,8 @@ use super::surface::{HitPoint, SurfaceInteraction};
 use super::touching::{Touching, find_touching};
 use super::world::{Scene, SceneParts};
 use crate::embree::RawHit;
-use crate::math::{Bounds3, Ray};
+use crate::lights::Light;
+use crate::math::{Bounds3, Ray, Rgb};
 use crate::media::{AIR, Crossing, Medium, MediumId, Surroundings};
 use arrayvec::ArrayVec;
 use glam::Vec3;
@@ -81,7 +83,7 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
-    /// `None` where no border between media touches anything.
+    /// `None` where nothing touches that matters.
     pub(super) fn find(parts: &SceneParts) -> Option<Self> {
         let Touching { mut boxes, reach, distance, pairs } = find_touching(parts)?;
         let regions = boxes.iter_mut().map(|boxes| Regions::new(boxes)).collect();
@@ -229,6 +231,7 @@ impl Scene {
             // As the ray meets it, which came along another line than the one across.
             there.wo = found.wo;
             there.distance = found.distance;
+            there.retreat = found.retreat;
             if there.is_front() != (found.is_front() == (along > 0.0)) {
                 // Along the surfaces rounding decides between their normals: all have the side of the hit.
                 there.point.normal = normal * along.signum();
@@ -261,12 +264,19 @@ impl Scene {
         (chosen, chosen_raw)
     }
 
-    /// What is met first of surfaces at one place: those that bound no media, in the order of the file; else the border of
-    /// the medium that displaces the others.
+    /// What is met first of surfaces at one place: those that bound no media, of these what shines to this side first and what
+    /// shines to the other side only last, in the order of the file; else the border of the medium that displaces the others.
     fn order_of(&self, member: &Member) -> (u32, u32, u32, u32) {
         let hit = &member.found;
         let rank = match self.material(hit).media() {
-            None => return (0, 0, hit.surface, hit.primitive),
+            None => {
+                let by_light = match self.surface(hit).light.map(|id| &self.lights()[id as usize]) {
+                    Some(Light::Area(light)) if light.emitted(hit.is_front()) == Rgb::ZERO => 2,
+                    Some(_) => 0,
+                    None => 1,
+                };
+                return (0, by_light, hit.surface, hit.primitive);
+            }
             Some(bounded) => bounded.into_iter().filter(|&id| id != AIR).map(|id| self.medium(id).rank),
         };
         (1, rank.min().unwrap_or(u32::MAX), hit.surface, hit.primitive)

@@ -6,9 +6,9 @@ use super::material::Material;
 use super::shading::Shading;
 use super::texture::tinted;
 use crate::bsdf::{Bsdf, Dielectric};
-use crate::embree::SurfacePoint;
+use crate::embree::{NearEdge, SurfacePoint};
 use crate::math::rounding::UNIT_ROUNDOFF;
-use crate::math::{Frame, Ray, Rgb, unit_f64};
+use crate::math::{Frame, Ray, Rgb, unit, unit_f64};
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
 
 /// Geometry of a hit before anything is known of its material: a point, a normal, and how far a ray must start from
@@ -25,6 +25,9 @@ pub struct HitPoint {
     /// Surface parameters; barycentric for triangles.
     pub uv: Vec2,
 }
+
+/// How far back rays start that leave from next to an edge, as a share of the size of what is there.
+const RETREAT: f64 = 1.0 / 16.0;
 
 /// Allowance over the first-order bounds below, for the terms of second order they leave out.
 const SAFETY: f32 = 2.0;
@@ -45,19 +48,28 @@ impl HitPoint {
         })
     }
 
-    /// The point of a triangle that `ray` met at its parameter `t`; see [`TrianglePoint::closer`].
+    /// The point of a triangle that `ray`, of unit direction, met at its parameter `t`, see [`TrianglePoint::closer`]; and how
+    /// far back along that ray others are to start, see [`TrianglePoint::retreat`].
     #[inline(always)]
-    pub(super) fn on_triangle_along(corners: [[f32; 3]; 3], uv: [f32; 2], ray: &Ray, t: f32) -> Option<Self> {
+    pub(super) fn on_triangle_along(
+        corners: [[f32; 3]; 3],
+        uv: [f32; 2],
+        ray: &Ray,
+        t: f32,
+    ) -> Option<(Self, f32)> {
         let Some(point) = TrianglePoint::new(corners, uv) else {
-            return Self::on_tiny_triangle(corners, uv);
+            return Some((Self::on_tiny_triangle(corners, uv)?, 0.0));
         };
         let point = point.closer(ray, t);
-        Some(Self {
+        let offset = point.offset();
+        let on_triangle = Self {
             position: point.position.into(),
             normal: point.normal.into(),
-            offset: point.offset(),
+            offset,
             uv: Vec2::from_array(uv),
-        })
+        };
+        let retreat = if point.is_at_edge(uv, ray, offset) { point.retreat(t) } else { 0.0 };
+        Some((on_triangle, retreat))
     }
 
     /// [`Self::on_triangle`] where the area leaves the range of `f32`.
@@ -81,6 +93,39 @@ impl HitPoint {
         let normal = point.normal.as_vec3();
         let error = point.error + position.abs() * UNIT_ROUNDOFF;
         Self { position, normal, offset: SAFETY * normal.abs().dot(error), uv: point.uv }
+    }
+
+    /// Parts of [`SurfaceInteraction::retreat`] next to an edge of a procedural object, in which `local` met this point at `t`: back along
+    /// the ray, to where `wo` points in render space, and off the other face. `None` elsewhere.
+    pub(super) fn retreat_from(
+        &self,
+        edge: &NearEdge,
+        placement: Option<&Placement>,
+        (local, t, wo): (&Ray, f32, Vec3),
+    ) -> Option<(Vec3, Vec3)> {
+        /// For errors of the other face, and for what [`NearEdge::distance`] may be too large by.
+        const ROOM: f64 = 16.0;
+        let stretch = f64::from(local.direction.length());
+        let rounding = f64::from(4.0 * UNIT_ROUNDOFF * self.position.abs().max_element() + self.offset);
+        let error = rounding + placement.map_or(0.0, |placement| placement.error_in_object(self.position));
+        let cosine = f64::from(self.normal.dot(local.direction).abs()) / stretch;
+        if edge.distance * cosine > ROOM * error {
+            return None;
+        }
+        let (there, normal) = edge.other;
+        let turned = |normal: Vec3, above: f32| if above < 0.0 { -normal } else { normal };
+        let to_render =
+            |normal: Vec3| placement.map_or(normal, |placement| placement.normal_to_world(normal));
+        let own = to_render(turned(self.normal, -local.direction.dot(self.normal)));
+        let above = (local.origin.as_dvec3() - there).dot(normal) as f32;
+        let other = to_render(turned(normal.as_vec3(), above));
+        let most = (RETREAT * edge.extent / stretch) as f32;
+        let off = if normal == DVec3::ZERO {
+            Vec3::ZERO
+        } else {
+            between([own, other], (error / stretch) as f32, most)
+        };
+        Some((wo * most.min(0.5 * t), off))
     }
 
     /// The same point seen through an instance. Adds the error of Embree's transformation of the ray.
@@ -177,6 +222,39 @@ impl TrianglePoint {
         Self { position: position.as_vec3().into(), ..self }
     }
 
+    /// Whether a ray of unit direction met the triangle so close to an edge that, by rounding, a start off this triangle may lie
+    /// beyond another one that rises from that edge at any angle.
+    ///
+    /// A start is off the place of the hit by an error `e` at most: that of the place itself in all directions, and
+    /// [`HitPoint::offset`]. Another triangle that rises at an angle `a` from an edge at the distance `d` passes the place
+    /// at the distance `d sin(a)`. The ray came from between the two, so its cosine with the normal here is
+    /// less than `sin(a)`, unless it came from the other one right here: then that start was too close to the edge. So
+    /// nothing is in question where `d` times that cosine is more than `e`, and the other triangle need not be known.
+    #[inline(always)]
+    pub(super) fn is_at_edge(&self, uv: [f32; 2], ray: &Ray, offset: f32) -> bool {
+        /// For the errors of both triangles and of the tests of rays that start in between.
+        const ROOM: f32 = 4.0;
+        let [e1, e2] = self.edges;
+        let edge = e1.abs().max(e2.abs());
+        let error = UNIT_ROUNDOFF * SAFETY * (self.position.abs() + 7.0 * edge).max_element() + offset;
+        // Times the longest edge that the bounds of two allow: the distance from an edge is a barycentric coordinate times
+        // twice the area over the length of that edge.
+        let longest = 2.0 * f32::sqrt(3.0) * edge.max_element();
+        let least = uv[0].min(uv[1]).min(1.0 - uv[0] - uv[1]);
+        let cosine = self.normal.dot(Vec3A::from(ray.direction)).abs();
+        !(least * cosine > ROOM * error * longest * self.inverse_length)
+    }
+
+    /// How far back along the ray that met the triangle at `t` the next ray starts, where it goes to the same side, another surface
+    /// rises there and [`Self::is_at_edge`]. That segment is free as far as any ray can tell. Far enough for what rises from the
+    /// edge to be told from the place unless the ray came along it within a millionth.
+    #[cold]
+    pub(super) fn retreat(&self, t: f32) -> f32 {
+        let [e1, e2] = self.edges;
+        let longest = e1.length_squared().max(e2.length_squared()).max((e2 - e1).length_squared()).sqrt();
+        (RETREAT as f32 * longest).min(0.5 * t)
+    }
+
     /// [`HitPoint::offset`]. Bounds three errors, to first order in the unit roundoff `u`, component by component so
     /// that an axis-aligned wall of any size has none in its plane:
     ///
@@ -229,6 +307,45 @@ impl DiffuseHit {
     }
 }
 
+/// What takes a place at the edge of two surfaces with these unit normals, on their sides of it, off both by a few times the
+/// `error`: out of the wedge, in the middle, and `most` at most.
+#[cold]
+pub(super) fn between([a, b]: [Vec3; 2], error: f32, most: f32) -> Vec3 {
+    const ROOM: f32 = 4.0;
+    let along = (a + b) / (1.0 + a.dot(b)).max(f32::EPSILON);
+    (along * (ROOM * error)).clamp_length_max(most)
+}
+
+/// An edge of a triangle, as seen from a place next to it.
+pub(super) struct TriangleEdge {
+    /// Unit vector in the plane of the triangle, across the edge and out of the triangle.
+    pub(super) out: Vec3,
+    /// What places near the edge may be off by.
+    pub(super) error: f32,
+    /// How far rays may start from their hits: [`RETREAT`].
+    pub(super) most: f32,
+}
+
+impl TriangleEdge {
+    /// The edge next to the place with these barycentric coordinates; `None` for triangles without area.
+    #[cold]
+    pub(super) fn nearest(corners: [Vec3; 3], uv: Vec2, offset: f32) -> Option<Self> {
+        let shares = [1.0 - uv.x - uv.y, uv.x, uv.y];
+        let [a, b, c] = corners;
+        let opposite = [(b, c), (c, a), (a, b)];
+        let distance = |i: usize| shares[i] / opposite[i].0.distance(opposite[i].1);
+        let nearest = (0..3).min_by(|&i, &j| distance(i).total_cmp(&distance(j)))?;
+        let (from, to) = opposite[nearest];
+        let edge = to - from;
+        let inward = corners[nearest] - from;
+        let out = unit(edge * (inward.dot(edge) / edge.length_squared()) - inward)?;
+        let most = corners.iter().fold(Vec3::ZERO, |most, corner| most.max(corner.abs())).max_element();
+        let longest = opposite.iter().map(|(from, to)| from.distance(*to)).fold(0.0, f32::max);
+        let error = offset + UNIT_ROUNDOFF * SAFETY * 8.0 * most;
+        Some(Self { out, error, most: RETREAT as f32 * longest })
+    }
+}
+
 /// Where an instance stands.
 #[derive(Clone, Debug)]
 pub struct Placement {
@@ -240,6 +357,8 @@ pub struct Placement {
     normal_matrix: DMat3,
     /// Absolute values of the linear part, for error bounds.
     magnitude: DMat3,
+    /// The same of its inverse.
+    inverse_magnitude: DMat3,
 }
 
 impl Placement {
@@ -254,7 +373,30 @@ impl Placement {
             to_object,
             normal_matrix: to_object.matrix3.transpose(),
             magnitude: to_world.matrix3.abs(),
+            inverse_magnitude: to_object.matrix3.abs(),
         })
+    }
+
+    /// [`TrianglePoint::retreat`] in render space, where a ray of unit direction met a triangle of the object in `point` of
+    /// the object's space; zero but at edges.
+    pub(super) fn retreat(&self, corners: [[f32; 3]; 3], point: &HitPoint, ray: &Ray, t: f32) -> f32 {
+        let Some(triangle) = TrianglePoint::new(corners, point.uv.to_array()) else { return 0.0 };
+        let mut local = self.ray_to_object(ray);
+        let stretch = local.direction.length();
+        local.direction /= stretch;
+        let error = self.error_in_object(point.position) as f32;
+        if !triangle.is_at_edge(point.uv.to_array(), &local, point.offset + error) {
+            return 0.0;
+        }
+        triangle.retreat(t * stretch) / stretch
+    }
+
+    /// What rounding in render space may move a point of the object by, in the object's space.
+    fn error_in_object(&self, position: Vec3) -> f64 {
+        let world = self.magnitude * position.as_dvec3().abs() + self.to_world.translation.abs();
+        // Twice: of the place there, and of the ray here.
+        let moved = self.inverse_magnitude * (2.0 * world);
+        f64::from(UNIT_ROUNDOFF * SAFETY) * 4.0 * moved.max_element()
     }
 
     /// The ray in the object's space, with the same parameter.
@@ -297,6 +439,9 @@ pub struct SurfaceInteraction {
     pub painted: Option<Painted>,
     /// All borders between media at this place, where other surfaces lie there too.
     pub borders: Borders,
+    /// How far from where rays start else those start that stay on the side of this one: back along the ray, and off what is on
+    /// the other side of an edge. Zero but next to edges, where a start right at the hit might be beyond that.
+    pub retreat: Vec3,
 }
 
 impl SurfaceInteraction {
@@ -363,13 +508,26 @@ impl SurfaceInteraction {
     /// A ray from here in a unit `direction`, started off the surface by this hit's own error bound.
     #[inline]
     pub fn spawn(&self, direction: Vec3) -> Ray {
-        Ray::new(self.point.moved_towards(direction), direction)
+        Ray::new(self.start_towards(direction), direction)
+    }
+
+    /// Where rays start that leave from here to the side that `direction` points to.
+    #[inline]
+    pub fn start_towards(&self, direction: Vec3) -> Vec3 {
+        let start = self.point.moved_towards(direction);
+        if self.retreat == Vec3::ZERO { start } else { self.retreated(start, direction) }
+    }
+
+    #[cold]
+    fn retreated(&self, start: Vec3, direction: Vec3) -> Vec3 {
+        let normal = self.point.normal;
+        if direction.dot(normal) * self.wo.dot(normal) > 0.0 { start + self.retreat } else { start }
     }
 
     /// The segment from here to `target`, a point that is already off its own surface.
     #[inline]
     pub fn spawn_to(&self, target: Vec3) -> Ray {
-        Ray::segment(self.point.moved_towards(target - self.point.position), target)
+        Ray::segment(self.start_towards(target - self.point.position), target)
     }
 }
 
@@ -385,7 +543,7 @@ pub(super) fn within_reach(shading: Vec3, geometric: Vec3) -> Vec3 {
         return shading;
     }
     let sine = (1.0 - LEAST_NORMAL_COSINE * LEAST_NORMAL_COSINE).sqrt();
-    let along = crate::math::unit(shading - geometric * cosine);
+    let along = unit(shading - geometric * cosine);
     along.map_or(geometric, |along| geometric * LEAST_NORMAL_COSINE + along * sine)
 }
 

@@ -1,8 +1,9 @@
-//! Finds where surfaces of a scene may touch: boxes around all places where a border between media and another surface are
-//! within rounding of each other. Too many boxes cost time, and too few would lose a surface, so all bounds are wide.
+//! Finds where surfaces of a scene may touch: boxes around all places where a border between media, or a flat emitter, and another
+//! surface are within rounding of each other. Too many boxes cost time, and too few would lose a surface, so all bounds are wide.
 
 use super::surface::{HitPoint, Placement};
 use super::world::{Geometry, Node, SceneParts, Surface};
+use crate::lights::Light;
 use crate::math::{Bounds3, unit_f64};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -26,8 +27,18 @@ struct Object<'a> {
     geometry: &'a Geometry,
     placement: Option<&'a Placement>,
     bounds: Bounds3,
-    /// Whether it bounds media anywhere.
-    is_border: bool,
+    kind: Kind,
+}
+
+/// What makes it matter that a surface touches another.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Nothing, unless the other one has a reason.
+    Plain,
+    /// It emits, and is flat.
+    Emitter,
+    /// It bounds media somewhere.
+    Border,
 }
 
 /// Something with a place in the search for what overlaps.
@@ -39,7 +50,7 @@ struct Item {
     object: u32,
     /// Primitive; unused for objects as a whole.
     primitive: u32,
-    is_border: bool,
+    kind: Kind,
 }
 
 impl Item {
@@ -54,17 +65,21 @@ const ROOM: f64 = 64.0 * f32::EPSILON as f64;
 
 /// `None` where nothing touches.
 pub(super) fn find_touching(parts: &SceneParts) -> Option<Touching> {
-    let is_border = |surface: &Surface| {
-        surface.all_materials().any(|id| parts.materials[id as usize].1.media().is_some())
+    let kind_of = |surface: &Surface| {
+        if surface.all_materials().any(|id| parts.materials[id as usize].1.media().is_some()) {
+            return Kind::Border;
+        }
+        match surface.light.map(|id| &parts.lights[id as usize]) {
+            Some(Light::Area(light)) if light.is_flat() => Kind::Emitter,
+            _ => Kind::Plain,
+        }
     };
-    if !parts.surfaces.iter().any(is_border) {
+    if !parts.surfaces.iter().any(|surface| kind_of(surface) != Kind::Plain) {
         return None;
     }
-    let objects = objects_of(parts, is_border);
-    let wholes: Vec<Item> = (0u32..)
-        .zip(&objects)
-        .map(|(number, object)| item(&object.bounds, number, 0, object.is_border))
-        .collect();
+    let objects = objects_of(parts, kind_of);
+    let wholes: Vec<Item> =
+        (0u32..).zip(&objects).map(|(number, object)| item(&object.bounds, number, 0, object.kind)).collect();
     // Which objects may touch which; a mesh may touch itself.
     let mut partners: Vec<Vec<u32>> = vec![Vec::new(); objects.len()];
     for [a, b] in join(&wholes, &|a, b| vec![[a.object, b.object]]) {
@@ -72,7 +87,7 @@ pub(super) fn find_touching(parts: &SceneParts) -> Option<Touching> {
         partners[b as usize].push(a);
     }
     for (number, object) in objects.iter().enumerate() {
-        if object.is_border && matches!(object.geometry, Geometry::Mesh(_)) {
+        if object.kind == Kind::Border && matches!(object.geometry, Geometry::Mesh(_)) {
             partners[number].push(number as u32);
         }
     }
@@ -85,6 +100,9 @@ pub(super) fn find_touching(parts: &SceneParts) -> Option<Touching> {
         })
         .collect();
     let found = join(&items, &|a, b| {
+        if a.object == b.object && a.kind != Kind::Border {
+            return Vec::new();
+        }
         let (one, other) = (&objects[a.object as usize], &objects[b.object as usize]);
         let places = one.touches(a.primitive, other, b.primitive);
         places.into_iter().map(|(place, room)| (one.surface, other.surface, place, room)).collect()
@@ -109,16 +127,16 @@ pub(super) fn find_touching(parts: &SceneParts) -> Option<Touching> {
     Some(Touching { boxes, reach, distance: distance as f32, pairs })
 }
 
-fn item(bounds: &Bounds3, object: u32, primitive: u32, is_border: bool) -> Item {
+fn item(bounds: &Bounds3, object: u32, primitive: u32, kind: Kind) -> Item {
     let (min, max) = grown(bounds, ROOM).to_f32_outward();
-    Item { min: min.into(), max: max.into(), object, primitive, is_border }
+    Item { min: min.into(), max: max.into(), object, primitive, kind }
 }
 
 fn grown(bounds: &Bounds3, by: f64) -> Bounds3 {
     Bounds3 { min: bounds.min - by, max: bounds.max + by }
 }
 
-fn objects_of<'a>(parts: &'a SceneParts, is_border: impl Fn(&Surface) -> bool + Sync) -> Vec<Object<'a>> {
+fn objects_of<'a>(parts: &'a SceneParts, kind_of: impl Fn(&Surface) -> Kind + Sync) -> Vec<Object<'a>> {
     // A prototype's surfaces reach up to the first one of something else.
     let mut firsts: Vec<u32> = parts
         .nodes
@@ -153,7 +171,7 @@ fn objects_of<'a>(parts: &'a SceneParts, is_border: impl Fn(&Surface) -> bool + 
                 }
             };
             let bounds = placement.map_or(own, |placement| own.transformed(&placement.to_world));
-            Object { surface, geometry: &whole.geometry, placement, bounds, is_border: is_border(whole) }
+            Object { surface, geometry: &whole.geometry, placement, bounds, kind: kind_of(whole) }
         })
         .collect()
 }
@@ -181,7 +199,7 @@ impl Object<'_> {
             }],
         };
         (0..count)
-            .map(|primitive| item(&self.primitive_bounds(primitive), number, primitive, self.is_border))
+            .map(|primitive| item(&self.primitive_bounds(primitive), number, primitive, self.kind))
             .filter(|item| near.iter().any(|other| item.overlaps(other)))
             .collect()
     }
@@ -351,7 +369,7 @@ fn overlap_of_triangles(a: [DVec3; 3], b: [DVec3; 3], room: f64) -> Option<Bound
     (area.abs() > room * length).then(|| Bounds3::of_points(polygon.iter().copied()))
 }
 
-/// What `found` says of each pair of items that overlap, one of which at least is of a border; the same in every run.
+/// What `found` says of each pair of items that overlap, one of which at least is not plain; the same in every run.
 fn join<T: Send>(items: &[Item], found: &(impl Fn(&Item, &Item) -> Vec<T> + Sync)) -> Vec<T> {
     let is_somewhere = |id: &u32| items[*id as usize].min.cmple(items[*id as usize].max).all();
     let all: Vec<u32> = (0..items.len() as u32).filter(is_somewhere).collect();
@@ -370,7 +388,7 @@ fn join_within<T: Send>(
     /// So many are worth a second thread.
     const MANY: usize = 1024;
     const DEEPEST: u32 = 64;
-    if members.len() < 2 || !members.iter().any(|&id| items[id as usize].is_border) {
+    if members.len() < 2 || !members.iter().any(|&id| items[id as usize].kind != Kind::Plain) {
         return Vec::new();
     }
     if members.len() > FEW
@@ -391,7 +409,7 @@ fn join_within<T: Send>(
     for (i, &a) in members.iter().enumerate() {
         for &b in &members[i + 1..] {
             let (a, b) = (&items[a as usize], &items[b as usize]);
-            if !((a.is_border || b.is_border) && a.overlaps(b)) {
+            if a.kind == Kind::Plain && b.kind == Kind::Plain || !a.overlaps(b) {
                 continue;
             }
             // A pair that is in several cells belongs to the one with the lower corner of what they share.

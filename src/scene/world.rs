@@ -7,7 +7,9 @@ use super::material::Material;
 use super::misfits::Misfits;
 use super::render_space::RenderSpace;
 use super::shading::Shading;
-use super::surface::{DiffuseHit, HitPoint, Placement, SurfaceInteraction, TrianglePoint, within_reach};
+use super::surface::{
+    DiffuseHit, HitPoint, Placement, SurfaceInteraction, TriangleEdge, TrianglePoint, between, within_reach,
+};
 use super::texture::MaterialTexture;
 use crate::bsdf::Dielectric;
 use crate::embree::{CommittedScene, Procedural, RawHit, TriangleBuffers};
@@ -171,7 +173,7 @@ pub struct Scene {
     light_choice: LightChoice,
     /// Lights that a ray into the open may meet.
     open: Vec<LightId>,
-    /// Where surfaces touch that bound media; `None` where none do.
+    /// Where surfaces touch that bound media or emit; `None` where none do.
     contacts: Option<Contacts>,
     /// Media of bodies that overlap at places where there are too many of them to be followed.
     overfull: Mutex<BTreeSet<MediumId>>,
@@ -371,7 +373,7 @@ impl Scene {
         Some(self.met(ray, &hit))
     }
 
-    /// Surfaces that touch somewhere, at least one of which bounds media: pairs of indices into [`Self::surfaces`]. Two that
+    /// Surfaces that touch somewhere, at least one of which bounds media or emits: pairs of indices into [`Self::surfaces`]. Two that
     /// come so near that rays look twice may be among them.
     pub fn touching(&self) -> &[[u32; 2]] {
         self.contacts.as_ref().map_or(&[], Contacts::pairs)
@@ -424,13 +426,18 @@ impl Scene {
             if let Geometry::Mesh(mesh) = &surface.geometry {
                 // Nearly every hit there is.
                 let corners = mesh.buffers.corners(hit.primitive);
-                let point = HitPoint::on_triangle_along(corners, hit.uv, ray, hit.t)
-                    .unwrap_or_else(|| flat_hit(corners, -ray.direction));
+                let (point, retreat) = HitPoint::on_triangle_along(corners, hit.uv, ray, hit.t)
+                    .unwrap_or_else(|| (flat_hit(corners, -ray.direction), 0.0));
                 let shading_normal = mesh.shading_normal(hit.primitive, hit.uv, point.normal);
-                return found(ray, hit, *index, surface, point, shading_normal);
+                let retreat = if retreat > 0.0 {
+                    self.retreat_at(ray, &point, corners.map(Vec3::from_array), retreat)
+                } else {
+                    Vec3::ZERO
+                };
+                return found(ray, hit, *index, surface, (point, retreat), shading_normal);
             }
         }
-        self.general_interaction(ray, hit)
+        self.general_interaction(ray, hit, true)
     }
 
     /// Looks up the textures of the material of a hit.
@@ -483,31 +490,89 @@ impl Scene {
         let cosine = -point.normal.dot(Vec3A::from(ray.direction));
         let reflects = two_sided || (cosine > 0.0) != surface.flip_normal;
         let facing = if cosine > 0.0 { point.normal } else { -point.normal };
-        let is_plain = reflects && cosine != 0.0 && reflectance.max_element() > 0.0;
+        let is_plain = reflects
+            && cosine != 0.0
+            && reflectance.max_element() > 0.0
+            && !point.is_at_edge(hit.uv, ray, point.offset());
         is_plain.then_some(DiffuseHit { point, facing, reflectance, surface: *index })
     }
 
-    /// [`Self::interaction`] for procedural objects and instances.
+    /// [`SurfaceInteraction::retreat`] with a way `back` where another surface rises from the edge of the triangle that the `point` of
+    /// a ray lies next to, and zero where the surface goes on there, or ends: what looks ahead from so far back, along the triangle and
+    /// out of it, meets one whose plane has the place in it by rounding.
+    #[cold]
+    fn retreat_at(&self, ray: &Ray, point: &HitPoint, corners: [Vec3; 3], back: f32) -> Vec3 {
+        /// How far ahead, in heights above the triangle: as far as what leans back by 80 degrees.
+        const AHEAD: f32 = 8.0;
+        /// For the errors of both.
+        const ROOM: f32 = 16.0;
+        let wo = -ray.direction;
+        let Some(edge) = TriangleEdge::nearest(corners, point.uv, point.offset) else { return wo * back };
+        let start = point.moved_towards(wo) + wo * back;
+        let from_place = start - point.position;
+        let height = from_place.dot(point.normal).abs();
+        let ahead = AHEAD * height - from_place.dot(edge.out).min(0.0) + ROOM * edge.error;
+        let look = Ray { t_max: ahead, ..Ray::new(start, edge.out) };
+        let Some(hit) = self.parts.embree.intersect(&look) else { return Vec3::ZERO };
+        let met = start + edge.out * hit.t;
+        let other = self.facing_normal(&look, &hit);
+        if !((met - point.position).dot(other).abs() <= ROOM * edge.error) {
+            return Vec3::ZERO;
+        }
+        let own = if wo.dot(point.normal) < 0.0 { -point.normal } else { point.normal };
+        self.free_retreat(start, wo * back, between([own, other], edge.error, edge.most))
+    }
+
+    /// `back` to `start`, and `off` from there where nothing is in the way, as at a corner of three surfaces.
+    #[cold]
+    fn free_retreat(&self, start: Vec3, back: Vec3, off: Vec3) -> Vec3 {
+        if off == Vec3::ZERO || self.occluded(&Ray::segment(start, start + 2.0 * off)) {
+            back
+        } else {
+            back + off
+        }
+    }
+
+    /// [`Self::interaction`] for procedural objects and instances, and any surface where it `looks` at no edges.
     #[inline(never)]
-    fn general_interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
+    fn general_interaction(&self, ray: &Ray, hit: &RawHit, looks: bool) -> SurfaceInteraction {
         let (index, placement) = match &self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize] {
             Node::Surface(index) => (*index, None),
             Node::Instance { first, placement } => (first + hit.geometry, Some(placement)),
         };
         let surface = &self.parts.surfaces[index as usize];
-        let mut part = 0;
+        let (mut part, mut retreat) = (0, Vec3::ZERO);
         let (mut point, mut shading_normal) = match &surface.geometry {
             Geometry::Mesh(mesh) => {
                 let corners = mesh.buffers.corners(hit.primitive);
                 let point = HitPoint::on_triangle(corners, hit.uv)
                     .unwrap_or_else(|| flat_hit(corners, -ray.direction));
+                if let Some(placement) = placement.filter(|_| looks) {
+                    let back = placement.retreat(corners, &point, ray, hit.t);
+                    if back > 0.0 {
+                        let corner = |p: [f32; 3]| {
+                            placement.to_world.transform_point3(Vec3::from_array(p).as_dvec3()).as_vec3()
+                        };
+                        let world = point.transformed(placement);
+                        retreat = self.retreat_at(ray, &world, corners.map(corner), back);
+                    }
+                }
                 (point, mesh.shading_normal(hit.primitive, hit.uv, point.normal))
             }
             Geometry::Procedural(object) => {
                 let local = placement.map_or(*ray, |placement| placement.ray_to_object(ray));
                 let refined = object.refine(hit.primitive, &local, hit.t);
                 part = refined.part;
-                (HitPoint::on_procedural(&refined), refined.shading_normal.as_vec3())
+                let point = HitPoint::on_procedural(&refined);
+                if let Some(edge) = refined.edge.as_ref().filter(|_| looks) {
+                    let placement = placement.map(|placement| &**placement);
+                    let wo = -ray.direction;
+                    if let Some((back, off)) = point.retreat_from(edge, placement, (&local, hit.t, wo)) {
+                        let place = placement.map_or(point, |placement| point.transformed(placement));
+                        retreat = self.free_retreat(place.moved_towards(wo) + back, back, off);
+                    }
+                }
+                (point, refined.shading_normal.as_vec3())
             }
         };
         if let Some(placement) = placement {
@@ -515,7 +580,7 @@ impl Scene {
             point = point.transformed(placement);
             shading_normal = if is_flat { point.normal } else { placement.normal_to_world(shading_normal) };
         }
-        let mut found = found(ray, hit, index, surface, point, shading_normal);
+        let mut found = found(ray, hit, index, surface, (point, retreat), shading_normal);
         if let Some(&material) = surface.part_materials.get(part as usize) {
             found.material = material;
         }
@@ -581,7 +646,7 @@ impl Scene {
         let back = over_here.max(over_there).min(0.5 * hit.distance);
         // Not a number where the ray grazes the surface and the places are the same.
         let back = if back > 0.0 { back } else { 0.0 };
-        let start = hit.point.moved_towards(hit.wo) + hit.wo * back;
+        let start = hit.start_towards(hit.wo) + hit.wo * back;
         self.is_way_free(start, place, normal)
     }
 
@@ -654,7 +719,7 @@ impl Scene {
                 return if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
             }
         }
-        self.plain_interaction(ray, hit).facing_normal()
+        self.general_interaction(ray, hit, false).facing_normal()
     }
 
     /// Media on the near and far side of a hit, as its material states them; `None` where the surface bounds no media.
@@ -895,7 +960,7 @@ fn found(
     hit: &RawHit,
     index: u32,
     surface: &Surface,
-    mut point: HitPoint,
+    (mut point, retreat): (HitPoint, Vec3),
     mut shading_normal: Vec3,
 ) -> SurfaceInteraction {
     if surface.flip_normal {
@@ -914,6 +979,7 @@ fn found(
         glow: Rgb::ONE,
         painted: None,
         borders: Borders::default(),
+        retreat,
     }
 }
 

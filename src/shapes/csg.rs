@@ -1,7 +1,7 @@
 use super::roots::accept;
 use super::solid::{MOST_CROSSINGS, Solid};
 use super::{Chart, ShapeError, nearest_by_refining};
-use crate::embree::{ObjectHit, Procedural, SurfacePoint};
+use crate::embree::{NearEdge, ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray};
 use arrayvec::ArrayVec;
 use glam::{DAffine3, DVec3};
@@ -181,6 +181,17 @@ impl Csg {
         all.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(Crossing { t, solid: 0, face: 0 })
     }
 
+    /// The edge with any other face, whether or not the operations leave it.
+    fn edge_near(&self, point: DVec3, at: &Crossing) -> Option<NearEdge> {
+        let faces = self.solids.iter().enumerate().filter_map(|(index, solid)| {
+            let own = (index == usize::from(at.solid)).then_some(at.face);
+            Some((solid.nearest_face(point, own)?, solid.least_extent()))
+        });
+        let ((distance, there, normal), extent) = faces.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
+        let extent = extent.min(self.solids[usize::from(at.solid)].least_extent());
+        Some(NearEdge { distance, extent, other: (there, normal) })
+    }
+
     /// Calls `visit` for each boundary of the whole along the line, in order, until it returns false.
     fn visit(&self, ray: &Ray, mut visit: impl FnMut(Boundary) -> bool) {
         if let [solid] = self.solids.as_slice() {
@@ -283,6 +294,7 @@ impl Procedural for Csg {
             point.shading_normal = -point.shading_normal;
         }
         point.part = u32::from(crossing.solid);
+        point.edge = self.edge_near(point.position, &crossing);
         point
     }
 }

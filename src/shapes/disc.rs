@@ -3,7 +3,7 @@ use super::{
     AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
     positive_radius, seen_from, solid_angle_density, tangents,
 };
-use crate::embree::{ObjectHit, Procedural, SurfacePoint};
+use crate::embree::{NearEdge, ObjectHit, Procedural, SurfacePoint};
 use crate::math::{Bounds3, Ray, unit_f64};
 use crate::sampling::warp::{DISC_STRETCH, square_to_disc};
 use glam::{DVec2, DVec3, Vec2};
@@ -114,11 +114,17 @@ impl Procedural for Disc {
         let (x, y) = (offset.dot(self.x), offset.dot(self.y));
         let distance = x.hypot(y) / self.radius;
         let uv = Vec2::new((y.atan2(x) / TAU).rem_euclid(1.0) as f32, distance.min(1.0) as f32);
-        SurfacePoint::new(
+        let edge = NearEdge {
+            distance: (1.0 - distance).max(0.0) * self.radius,
+            extent: self.radius,
+            other: (DVec3::ZERO, DVec3::ZERO),
+        };
+        let point = SurfacePoint::new(
             self.center + x * self.x + y * self.y,
             error_bound(self.center, self.radius),
             self.normal,
             uv,
-        )
+        );
+        SurfacePoint { edge: Some(edge), ..point }
     }
 }

@@ -330,6 +330,39 @@ impl Solid {
         }
     }
 
+    /// Distance of a point from the nearest of the body's faces, but for one that it lies on, with a point of that face and
+    /// the unit normal there; `None` where all are farther away than rounding explains. May be too large, by as much as
+    /// the faces are aslant to the axes of the body.
+    pub(super) fn nearest_face(&self, point: DVec3, own: Option<u8>) -> Option<(f64, DVec3, DVec3)> {
+        /// Share of the body's size.
+        const FAR: f64 = 1e-3;
+        let local = self.to_local * (point - self.center);
+        let reach = self.reach() * (1.0 + FAR);
+        if local.length_squared() > reach * reach {
+            return None;
+        }
+        let faces = (0..self.faces()).filter(|&face| Some(face) != own);
+        let near = faces.filter_map(|face| {
+            let (there, normal) = self.onto_face(local, face);
+            let off = there - local;
+            (off.length_squared() < FAR * FAR).then(|| ((self.to_object * off).length(), there, normal))
+        });
+        let (distance, there, normal) = near.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let normal = unit_f64(self.to_local.transpose() * normal)?;
+        Some((distance, self.center + self.to_object * there, normal))
+    }
+
+    /// What the body measures across where it is thinnest, from the middle on.
+    pub(super) fn least_extent(&self) -> f64 {
+        let [x, y, z] = [self.to_object.x_axis, self.to_object.y_axis, self.to_object.z_axis];
+        let height = match self.form {
+            Form::Lens { front, back, .. } => 0.5 * (front + back),
+            Form::Torus { minor } => minor,
+            Form::Sphere | Form::Box | Form::Cone { .. } => 1.0,
+        };
+        x.length().min(y.length()).min(z.length() * height)
+    }
+
     /// The point of `face` next to the point at `t` of `ray`.
     pub(super) fn refine(&self, ray: &Ray, t: f64, face: u8) -> SurfacePoint {
         let origin = self.to_local * (ray.origin.as_dvec3() - self.center);

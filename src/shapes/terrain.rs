@@ -410,6 +410,7 @@ impl Procedural for Terrain {
             normal,
             shading_normal: if shading_normal.dot(normal) > 0.0 { shading_normal } else { normal },
             uv,
+            edge: None,
             part: 0,
         }
     }

@@ -318,10 +318,11 @@ fn nested(count: usize, one_material: bool) -> Stage {
 fn bodies_nest_deeper_than_four() {
     for (count, one_material) in [(8, true), (40, true), (8, false), (16, false)] {
         let stage = nested(count, one_material);
-        for overrides in [path(), photon_map()] {
-            let shot = stage.shoot(&Overrides { spp: Some(16), ..overrides });
-            // Paths play roulette from the fifth surface on.
-            assert_close(&format!("{count} balls"), shot.mean("beauty"), grey(1.0), 0.02);
+        for (name, overrides, spp) in [("path", path(), 256), ("photon map", photon_map(), 16)] {
+            let shot = stage.shoot(&Overrides { spp: Some(spp), ..overrides });
+            let error = shot.standard_error("beauty")[0];
+            println!("{count} balls by {name}: standard error {error}");
+            assert_close(&format!("{count} balls by {name}"), shot.mean("beauty"), grey(1.0), 0.005);
             let counters = &shot.statistics.counters;
             assert_eq!((counters.medium_mismatches, counters.truncated), (0, 0), "{count} balls");
             // Those of one material are one ball.
@@ -340,4 +341,62 @@ fn more_media_at_one_place_than_are_kept_are_named() {
         "{:?}",
         shot.statistics.warnings
     );
+}
+
+/// A lamp in the plane of a floor, or `above` it, before a wall.
+fn lamp_in_floor(lamp: &str, turn: f64, above: f64, lamp_first: bool) -> Stage {
+    let place = |above: f64| {
+        format!(
+            "transform = [{{ translate = [0, {above:?}, 0] }}, {{ rotate = {turn:?}, axis = [1, 0.4, 0.2] }}]"
+        )
+    };
+    let on_floor = place(0.0);
+    let lamp =
+        format!("[[shapes]]\nname = \"lamp\"\n{lamp}\n{}\nemission = {{ radiance = 5.0 }}\n", place(above));
+    let floor = format!(
+        "[[shapes]]\nname = \"floor\"\ntype = \"quad\"\ncorner = [-2, 0, 2]\nedge-u = [4, 0, 0]\nedge-v = [0, 0, \
+         -4]\nmaterial = \"paper\"\n{on_floor}\n"
+    );
+    let both = if lamp_first { [lamp, floor] } else { [floor, lamp] }.concat();
+    let text = format!(
+        "[camera]\neye = [0, 3, 5]\nat = [0, 0.5, 0]\nfov = 50\n[materials.paper]\ntype = \"lambert\"\nreflectance = \
+         0.6\n{both}[[shapes]]\ntype = \"quad\"\ncorner = [-2, 0, -2]\nedge-u = [4, 0, 0]\nedge-v = [0, 3, 0]\nmaterial = \
+         \"paper\"\n{on_floor}\n"
+    );
+    Stage::new(&text, (24, 18))
+}
+
+/// The lamp shines to its side, whatever is there too and in whichever order; seen from below there is the floor.
+#[test]
+fn a_lamp_in_the_plane_of_a_floor_shines() {
+    let lamps = [
+        "type = \"quad\"\ncorner = [-0.7, 0, 0.5]\nedge-u = [1.3, 0, 0]\nedge-v = [0, 0, -1]",
+        "type = \"disc\"\ncenter = [0.1, 0, 0]\nradius = 0.6",
+        "type = \"mesh\"\nvertices = [[-0.6, 0, 0.6], [0.7, 0, 0.5], [0, 0, -0.8]]\nfaces = [[0, 1, 2]]",
+    ];
+    for lamp in lamps {
+        for turn in [0.0, 7.0] {
+            let reference = lamp_in_floor(lamp, turn, 1e-4, true);
+            let paths = Overrides { spp: Some(256), ..path() };
+            let want = reference.shoot(&paths);
+            for lamp_first in [true, false] {
+                let stage = lamp_in_floor(lamp, turn, 0.0, lamp_first);
+                let maps = Overrides { spp: Some(256), gather_samples: Some(1), ..photon_map() };
+                for (mode, settings) in [("path", &paths), ("photon map", &maps)] {
+                    let shot = stage.shoot(settings);
+                    // What is seen of the lamp has the noise of its outline: 0.3 %.
+                    for (part, room) in [("emission", 0.02), ("direct", 0.005), ("indirect", 0.02)] {
+                        let what = format!("{part}, {mode}, {lamp}, turned {turn}, lamp first: {lamp_first}");
+                        assert_close(&what, shot.mean(part), want.mean(part), room);
+                    }
+                }
+                // From below, where the lamp does not shine, the floor is met.
+                let up = Ray::new(Vec3::new(0.03, -0.6, 0.04), Vec3::Y);
+                let up =
+                    Ray { origin: up.origin + stage.scene().space().position(DVec3::ZERO).as_vec3(), ..up };
+                let met = stage.scene().intersect(&up).unwrap();
+                assert_eq!(stage.scene().surface(&met).name, "floor", "{lamp}, turned {turn}");
+            }
+        }
+    }
 }

@@ -21,6 +21,7 @@ mod glossy;
 mod guide;
 mod illumination;
 mod jensen96;
+mod leaks;
 mod lights;
 mod many_lights;
 mod matrix;
