@@ -124,3 +124,45 @@ fn rough_goes_over_to_smooth() {
         assert_close("specular", almost.mean("specular"), ideal.mean("specular"), 0.03);
     }
 }
+
+/// Roughness decides how a surface is computed, and so what it costs: from highly glossy to slightly glossy, by distribution rays or
+/// among gather rays, the rays for a camera sample change little by little.
+#[test]
+fn rays_of_a_sample_change_smoothly_with_roughness() {
+    /// From one roughness to the next, more or fewer.
+    const STEP: f64 = 2.0;
+    for specular in [0.05, 0.2, 0.7] {
+        let rays: Vec<(f64, f64)> = (8..=20)
+            .map(|step| {
+                // Those of glTF, whose square is alpha; the threshold is at 0.592.
+                let roughness = 0.05 * f64::from(step);
+                let floor = format!(
+                    "type = \"ward\"\nspecular = {specular}\ndiffuse = {}\nroughness = {:?}",
+                    0.75 - specular,
+                    roughness * roughness
+                );
+                let stage = box_with(&floor, &[(&floor, [0.2, 0.4, 0.1], 0.35)]);
+                let few = Overrides {
+                    spp: Some(4),
+                    global_photons: Some(20_000),
+                    caustic_photons: Some(20_000),
+                    ..photon_map()
+                };
+                let shot = stage.shoot(&few);
+                let counters = &shot.statistics.counters;
+                let rays = counters.camera_rays
+                    + counters.specular_rays
+                    + counters.glossy_rays
+                    + counters.approximate_rays
+                    + counters.shadow_rays
+                    + counters.gather_rays;
+                (roughness, rays as f64 / counters.camera_rays as f64)
+            })
+            .collect();
+        println!("specular {specular}: {rays:.2?}");
+        for pair in rays.windows(2) {
+            let ratio = pair[1].1 / pair[0].1;
+            assert!(ratio < STEP && ratio > 1.0 / STEP, "specular {specular}: {pair:?}");
+        }
+    }
+}

@@ -16,11 +16,15 @@ use glam::{Vec2, Vec3};
 /// Least probability with which a path is continued: estimates of albedos may be too low.
 const LEAST_SURVIVAL: f32 = 0.05;
 
+/// What a highly glossy lobe reflects at least to get all distribution rays.
+const FULL_WEIGHT: f32 = 0.25;
+
 /// Pushes what continues from a surface with a highly glossy lobe, and perhaps an ideal specular one beside it.
 ///
 /// Where the surface matters to the camera sample both lobes are followed, the specular one by one ray and the glossy one
 /// by `glossy_samples` times the share of the camera sample that arrives, so that a glossy surface seen in another gets
-/// one ray for each. Elsewhere one ray is drawn for both, and ends by roulette.
+/// one ray for each; by fewer where the lobe reflects less than a quarter, as that of a varnish does: its noise counts by that
+/// share. Elsewhere one ray is drawn for both, and ends by roulette.
 pub(super) fn push_scattered(
     branches: &mut Vec<Branch>,
     parent: &Branch,
@@ -62,7 +66,8 @@ pub(super) fn push_scattered(
     let alone = glossy.min(specular) <= 0.0;
     if parent.depth < SPLIT_DEPTH && (alone || parent.share * glossy.min(specular) > SMALLEST_SHARE) {
         if glossy > 0.0 {
-            let count = ((glossy_samples as f32 * parent.share).ceil() as u32).clamp(1, glossy_samples);
+            let wanted = glossy_samples as f32 * parent.share * (glossy / FULL_WEIGHT).min(1.0);
+            let count = (wanted.ceil() as u32).clamp(1, glossy_samples);
             let splits = samples.splits(glossy_samples);
             let each = 1.0 / count as f32;
             for i in 0..count {

@@ -271,7 +271,10 @@ impl<'a> PhotonMapIntegrator<'a> {
         let lambert = vertex.shading.bsdf.lambertian()?;
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
         let connects = |place, facing| self.scene.connects(vertex.hit, place, facing);
-        let largest = CAUSTIC_POINT_REACH * self.settings.max_radius;
+        let map = self.maps.caustic.as_ref()?;
+        // No point answers farther away than this: a place far from all of its own side would else look at all around it.
+        let widest = self.settings.caustic_query(map, position, normal, 1.0).max_radius;
+        let largest = CAUSTIC_POINT_REACH * widest.min(self.settings.max_radius);
         let irradiance = points.near(position, normal, largest, connects)?;
         scratch.counters.caustic_nearby += 1;
         Some(lambert.reflectance * irradiance * FRAC_1_PI)
