@@ -109,7 +109,7 @@ fn kept_of(cosine: f32, z: f32, between: f32) -> f32 {
 
 /// Share of the light from a direction below which the BSDF there stands for that in the direction that the lobe is turned to, which is
 /// then close by: a photon counts in an estimate of many.
-const LITTLE_TURNED: f32 = 0.05;
+const LITTLE_TURNED: f32 = 0.2;
 
 /// A BSDF on such a surface, seen from `wo`, which is on the same side of both normals.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 use super::domain::clear_distance;
 use super::map::{PhotonMap, Query, Scratch, leaves_surface};
-use super::{Estimator, Kernel, KernelDomain, Seen, Sight, differential};
+use super::{Estimator, Kernel, KernelDomain, SearchRegion, Seen, Sight, differential};
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
@@ -39,6 +39,9 @@ pub const NARROWER: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// [`FINEST`] of the least. It bounds the time of a look-up in a point focus.
 const MOST_UNRESOLVED: usize = 4096;
 const FINEST: f32 = 0.25;
+
+/// One, and more than distances differ by in whatever order they are summed up.
+const ROUNDED: f32 = 1.0001;
 
 /// Photons above or below the surface of the centre to which ways are sought, spread evenly over all of them: on rough ground there are
 /// dozens. Where all of these ways are free, so are the others; where one is not, each is asked.
@@ -210,7 +213,13 @@ impl PhotonMap {
         };
         let is_doubtful = |index: usize, distance_squared: f32| {
             let offset = self.position(index) - query.position;
-            leaves_surface(distance_squared, offset, query.normal + self.normal(index))
+            match query.region {
+                // Then the distance in the list is larger than the true one, see `flattened`; normals need not be decoded.
+                SearchRegion::Disc => distance_squared > ROUNDED * offset.length_squared(),
+                SearchRegion::Sphere => {
+                    leaves_surface(distance_squared, offset, query.normal + self.normal(index))
+                }
+            }
         };
         let is_low = |index| (self.position(index) - query.position).dot(query.normal) < 0.0;
         let clear = if sight.feels() && !sight.is_covered() {
@@ -218,11 +227,13 @@ impl PhotonMap {
         } else {
             0.0
         };
-        let is_hidden =
-            found.iter().take(photons).min_by(|a, b| a.1.total_cmp(&b.1)).is_some_and(|(index, d)| {
-                let is_clear = d <= clear * clear && !is_doubtful(index, d);
-                !is_here(d) && !is_clear && !sees(&mut *sight, index)
-            });
+        // Feelers lead to some; else the nearest is asked.
+        let is_among_photons =
+            found.iter().take(photons).any(|(index, d)| d <= clear * clear && !is_doubtful(index, d));
+        let is_hidden = !is_among_photons && {
+            let nearest = found.iter().take(photons).min_by(|a, b| a.1.total_cmp(&b.1));
+            nearest.is_some_and(|(index, d)| !is_here(d) && !sees(&mut *sight, index))
+        };
         let asks_each = is_hidden || !is_local || sight.is_covered();
         // Where the centre faces nothing within the radius, nothing hides what lies higher.
         let is_open = sight.feels() && sight.outlook(radius) > radius;
