@@ -10,7 +10,7 @@ use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
     SceneWarning, build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file,
-    is_mitsuba_file, load_scene, mesh_scene, mitsuba_scene,
+    is_mitsuba_file, load_scene, mesh_scene, mitsuba_scene_within,
 };
 use cardioid::textures::{set_picture_memory, set_texture_memory};
 use clap::Args;
@@ -133,7 +133,10 @@ pub(crate) fn load(
             }
             Ok(scene)
         }
-        (false, None) if is_mitsuba_file(&args.scene) => mitsuba_scene(&args.scene, &args.set),
+        (false, None) if is_mitsuba_file(&args.scene) => {
+            let allow = |estimate: &MemoryEstimate| estimate.check(args.memory_limit);
+            mitsuba_scene_within(&args.scene, &args.set, &allow)
+        }
         (false, None) => load_scene(&args.scene, &args.set),
         (false, Some(_)) if is_gltf_file(&args.scene) => {
             bail!("--up is for a mesh alone: glTF has y up; export the model with that (`+Y Up` in Blender)")

@@ -45,7 +45,7 @@ pub fn mesh_sizes(scene: &SceneDescription) -> Vec<MeshSize> {
     let size = |geometry: &GeometryDescription| match geometry {
         GeometryDescription::MeshFile { path, .. } if is_gltf_file(path) => declared_gltf_size(path).ok(),
         GeometryDescription::MeshFile { path, normals, .. } => mesh_size(path, *normals).ok(),
-        GeometryDescription::Gltf { mesh, .. } => Some(MeshSize {
+        GeometryDescription::Gltf { mesh, .. } | GeometryDescription::Loaded { mesh, .. } => Some(MeshSize {
             vertices: mesh.positions.len() as u64,
             triangles: mesh.triangles.len() as u64,
             has_normals: mesh.normals.is_some(),
@@ -71,7 +71,7 @@ pub fn kept_textures(scene: &SceneDescription) -> u64 {
 }
 
 /// The size of one file.
-fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
+pub(super) fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
     /// Longer headers are rare, and such files small for their size.
     const HEAD: u64 = 1 << 16;
     let (file, length) = open_regular(path)?;

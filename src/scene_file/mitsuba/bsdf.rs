@@ -107,7 +107,7 @@ pub(super) fn stretched([along, across]: [f64; 2]) -> (f32, [f32; 2]) {
     (least.sqrt() as f32, [strength as f32, turn as f32])
 }
 
-impl Importer {
+impl Importer<'_> {
     /// The only part of an object that is one of `tag`.
     pub(super) fn only_part(&mut self, object: &Object, tag: &str) -> Result<Rc<Object>, Fault> {
         let mut parts = self.parts(object, tag)?;

@@ -50,7 +50,7 @@ pub(super) fn inner_angle(beam: f64, cutoff: f64) -> f64 {
     (1.0 - full).clamp(-1.0, 1.0).acos().clamp(0.0, cutoff)
 }
 
-impl Importer {
+impl Importer<'_> {
     fn push_light(&mut self, object: &Object, value: LightDescription) {
         let location = object.place.location.clone();
         self.description.lights.push(Named { name: object.name(), location, value });

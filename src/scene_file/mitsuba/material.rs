@@ -48,7 +48,7 @@ pub(super) struct Finished {
     pub needs: Needs,
 }
 
-impl Importer {
+impl Importer<'_> {
     /// The number of a medium of this index and absorption.
     fn medium(&mut self, ior: f64, absorption: DVec3, object: &Object) -> usize {
         let ior = ior.max(1.0);

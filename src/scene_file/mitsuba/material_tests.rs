@@ -1,8 +1,10 @@
 //! Materials and textures.
 
+use super::mitsuba_scene_within;
 use super::tests::{layered, material, read, scene};
 use crate::bsdf::{Body, Bsdf};
 use crate::math::Rgb;
+use crate::render::MemoryEstimate;
 use crate::scene::Coverage;
 use crate::scene_file::description::{GeometryDescription, MaterialDescription};
 use glam::{DVec3, Vec2, Vec3};
@@ -228,6 +230,35 @@ fn pictures_lie_on_meshes_with_coordinates() {
     // What is no picture is told.
     fs::write(&picture, b"\0\0\x03\0").unwrap();
     assert!(read(&body).unwrap_err().contains("cannot be read"));
+}
+
+/// What a mesh under a picture takes is asked before it is read; others are asked when the scene is built.
+#[test]
+fn memory_is_asked_for_before_meshes_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.xml");
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".repeat(1000)).unwrap();
+    let text = |reflectance: &str| {
+        format!(
+            "<scene><shape type=\"obj\"><string name=\"filename\" value=\"a.obj\"/><bsdf type=\"diffuse\">{reflectance}</bsdf></shape></scene>"
+        )
+    };
+    let squares = text("<texture type=\"checkerboard\" name=\"reflectance\"/>");
+    let asked = |text: &str, most: u64| {
+        fs::write(&path, text).unwrap();
+        let allow = |estimate: &MemoryEstimate| match estimate.meshes {
+            meshes if meshes > most => estimate.check(Some(1)),
+            _ => Ok(()),
+        };
+        mitsuba_scene_within(&path, &[], &allow).map_err(|error| error.to_string())
+    };
+    assert!(asked(&squares, u64::MAX).is_ok());
+    let error = asked(&squares, 1000).unwrap_err();
+    assert!(error.contains("a.xml:1:8") && error.contains("the mesh of shape `obj`"), "{error}");
+    assert!(asked(&text(""), 0).is_ok());
+    fs::write(&path, &squares).unwrap();
+    let none = |estimate: &MemoryEstimate| estimate.check(Some(1));
+    assert!(mitsuba_scene_within(&path, &[], &none).is_err());
 }
 
 #[test]

@@ -30,7 +30,7 @@ mod wrappers;
 mod xml;
 
 use self::bsdf::Surface;
-use self::error::{Fault, Sources, fail};
+use self::error::{Fault, Problem, Sources, fail};
 use self::material::Finished;
 use self::parse::{MOST_BYTES, Parsed};
 use self::report::Report;
@@ -40,7 +40,7 @@ use self::xml::Place;
 use super::description::{Location, MediumDescription, Named, SceneDescription};
 use super::diagnostic::SceneFileError;
 use crate::files::{foreign_by_content, read_regular, text_of};
-use crate::render::Overrides;
+use crate::render::{MemoryError, MemoryEstimate, Overrides};
 use crate::textures::{ImageTexture, TextureBudget};
 use glam::DVec3;
 use std::collections::HashMap;
@@ -51,6 +51,12 @@ use std::sync::Arc;
 
 /// Endings of scenes of Mitsuba.
 pub const MITSUBA_EXTENSIONS: &[&str] = &["xml"];
+
+/// Bytes that the text of a scene takes for each of its own, as elements and objects.
+const TEXT_MEMORY: u64 = 16;
+
+/// Says whether what a scene is foreseen to take may be taken.
+type Allow<'a> = &'a dyn Fn(&MemoryEstimate) -> Result<(), MemoryError>;
 
 /// Objects in objects, at most: beyond, they hold each other.
 const DEEPEST: usize = 64;
@@ -69,6 +75,19 @@ pub fn mitsuba_scene(
     path: &Path,
     parameters: &[(String, String)],
 ) -> Result<SceneDescription, SceneFileError> {
+    mitsuba_scene_within(path, parameters, &|_| Ok(()))
+}
+
+/// [`mitsuba_scene`] where `allow` says yes to what is foreseen to be taken: by its text, and by each mesh that lies under a picture,
+/// before it is read. Other meshes are read when the scene is built.
+///
+/// # Errors
+/// As [`mitsuba_scene`], and what `allow` returns.
+pub fn mitsuba_scene_within(
+    path: &Path,
+    parameters: &[(String, String)],
+    allow: Allow<'_>,
+) -> Result<SceneDescription, SceneFileError> {
     let bytes = read_regular(path, MOST_BYTES).map_err(|source| {
         let remedy = match source.kind() {
             ErrorKind::NotFound => "check the name of the scene file",
@@ -77,7 +96,7 @@ pub fn mitsuba_scene(
         };
         SceneFileError::Io { path: path.to_path_buf(), source, remedy }
     })?;
-    parse_mitsuba_bytes(&bytes, path, parameters)
+    parse_within(&bytes, path, parameters, allow)
 }
 
 /// [`mitsuba_scene`] of a file's bytes; messages call it `path`, and other files that it names are looked for beside that.
@@ -88,6 +107,15 @@ pub fn parse_mitsuba_bytes(
     bytes: &[u8],
     path: &Path,
     parameters: &[(String, String)],
+) -> Result<SceneDescription, SceneFileError> {
+    parse_within(bytes, path, parameters, &|_| Ok(()))
+}
+
+fn parse_within(
+    bytes: &[u8],
+    path: &Path,
+    parameters: &[(String, String)],
+    allow: Allow<'_>,
 ) -> Result<SceneDescription, SceneFileError> {
     if let Some(kind) = foreign_by_content(path, bytes) {
         return Err(SceneFileError::Foreign { path: path.to_path_buf(), kind });
@@ -104,8 +132,15 @@ pub fn parse_mitsuba_bytes(
         Err(_) => String::new(),
     };
     let mut sources = Sources::default();
+    let reading = (text.len() as u64).saturating_mul(TEXT_MEMORY);
+    if let Err(error) = allow(&MemoryEstimate { reading, ..MemoryEstimate::default() }) {
+        sources.add(path.to_path_buf(), String::new());
+        let remedy = "allow more memory, or move objects into meshes".to_owned();
+        let place = Place::default();
+        return Err(sources.told(Problem { place, message: error.to_string(), remedy }));
+    }
     let parsed = parse::parse(&mut sources, path, text, parameters);
-    let scene = parsed.and_then(|parsed| Importer::new(path, parsed, parameters).read());
+    let scene = parsed.and_then(|parsed| Importer::new(path, parsed, parameters, allow).read());
     match scene {
         Ok(mut scene) => {
             scene.further_files.extend(sources.paths().skip(1).cloned());
@@ -116,7 +151,7 @@ pub fn parse_mitsuba_bytes(
 }
 
 /// A scene on its way from objects to a description.
-struct Importer {
+struct Importer<'a> {
     scene: Rc<Object>,
     ids: HashMap<String, Rc<Object>>,
     folders: Vec<PathBuf>,
@@ -131,10 +166,13 @@ struct Importer {
     pictures: HashMap<(PathBuf, Use, bool), (Arc<ImageTexture>, f64)>,
     budget: TextureBudget,
     depth: usize,
+    /// What meshes that were read take, and who says whether more may.
+    taken: MemoryEstimate,
+    allow: Allow<'a>,
 }
 
-impl Importer {
-    fn new(path: &Path, parsed: Parsed, parameters: &[(String, String)]) -> Self {
+impl<'a> Importer<'a> {
+    fn new(path: &Path, parsed: Parsed, parameters: &[(String, String)], allow: Allow<'a>) -> Self {
         let location = Location { file: Arc::new(path.to_path_buf()), line: 0, column: 0 };
         let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0 };
         let Parsed { scene, ids, folders, spectra } = parsed;
@@ -178,6 +216,8 @@ impl Importer {
             pictures: HashMap::new(),
             budget: TextureBudget::default(),
             depth: 0,
+            taken: MemoryEstimate::default(),
+            allow,
         }
     }
 

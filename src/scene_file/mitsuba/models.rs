@@ -14,7 +14,7 @@ use crate::scene::LayeredMaterial;
 use crate::scene_file::diagnostic::suggestion;
 use glam::DVec3;
 
-impl Importer {
+impl Importer<'_> {
     /// An index of refraction: a number, or the name of a medium.
     fn index(&mut self, object: &Object, name: &str, usual: f64) -> Result<f64, Fault> {
         let Some(property) = object.get(name) else { return Ok(usual) };

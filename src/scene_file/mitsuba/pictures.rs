@@ -43,7 +43,7 @@ pub(super) fn texture_of(width: u32, height: u32, pixels: &[Vec4]) -> ImageTextu
     ImageTexture::new(&image, Encoding::Linear)
 }
 
-impl Importer {
+impl Importer<'_> {
     /// The wrapping and filtering that a texture asks for.
     pub(super) fn sampler(&mut self, object: &Object) -> Result<Sampler, Fault> {
         let mut wrap = [Wrap::Repeat; 2];

@@ -15,7 +15,7 @@ const COAT_SLOPES: [f64; 2] = [0.1, 0.001];
 /// What of the clear coat is there (Burley 2012, section 5.5).
 const COAT_SHARE: f64 = 0.25;
 
-impl Importer {
+impl Importer<'_> {
     pub(super) fn principled(&mut self, object: &Object) -> Result<Surface, Fault> {
         let is_thin = object.plugin == "principledthin";
         let paint = self.paint(object, "base_color", 0.5, Meaning::Reflectance)?;

@@ -16,10 +16,11 @@ use crate::scene_file::description::{
 };
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::mesh::TriangleMesh;
+use crate::scene_file::mesh_size::{MeshSize, mesh_size};
 use crate::scene_file::obj::read_obj_with;
 use crate::scene_file::ply::read_ply_model;
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec4};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -47,7 +48,7 @@ struct Placed {
     flip: bool,
 }
 
-impl Importer {
+impl Importer<'_> {
     /// Adds a shape to the scene, or to a group.
     pub(super) fn shape(&mut self, object: &Rc<Object>, group: Option<usize>) -> Result<(), Fault> {
         self.enter(object)?;
@@ -396,6 +397,29 @@ impl Importer {
         }
     }
 
+    /// Asks whether a mesh may be read, by what its file says of its size.
+    fn foresee(&mut self, object: &Object, path: &Path) -> Result<(), Fault> {
+        let size = match mesh_size(path, MeshNormals::Leading) {
+            Ok(size) if size.triangles > 0 => size,
+            // Compressed, or of an unusual kind: as if its bytes were corners.
+            _ => {
+                let length = std::fs::metadata(path).map_or(0, |file| file.len());
+                MeshSize { vertices: length / 12, triangles: length / 6, has_normals: true, reading: length }
+            }
+        };
+        self.taken.triangles = self.taken.triangles.saturating_add(size.triangles);
+        // As it is read, and as it is placed.
+        self.taken.meshes = self.taken.meshes.saturating_add(size.bytes().saturating_mul(2));
+        self.taken.reading = self.taken.reading.max(size.reading);
+        (self.allow)(&self.taken).or_else(|error| {
+            fail(
+                &object.place,
+                format!("the mesh of {}: {error}", object.label()),
+                "allow more memory, or make the mesh smaller",
+            )
+        })
+    }
+
     fn mesh_file(
         &mut self,
         object: &Rc<Object>,
@@ -427,6 +451,7 @@ impl Importer {
             let normals = if is_flat { MeshNormals::Flat } else { MeshNormals::Leading };
             return Ok(Placed { form: Form::File { path, normals }, to_world, flip });
         }
+        self.foresee(object, &path)?;
         let reading = MeshReading {
             normals: !is_flat,
             uvs: needs.coordinates,

@@ -101,7 +101,7 @@ pub(super) fn luminance(colour: DVec3) -> f64 {
     colour.dot(DVec3::new(0.212_671, 0.715_160, 0.072_169))
 }
 
-impl Importer {
+impl Importer<'_> {
     /// The object that a parameter is or names; `None` where it is a value.
     pub(super) fn object_of(&self, property: &Property) -> Result<Option<Rc<Object>>, Fault> {
         match &property.value {

@@ -36,7 +36,7 @@ pub(super) fn usual_film() -> FilmDescription {
     }
 }
 
-impl Importer {
+impl Importer<'_> {
     /// A number of pixels.
     fn side(object: &Object, name: &str, usual: i64, least: i64) -> Result<u32, Fault> {
         let value = object.integer(name)?.unwrap_or(usual);

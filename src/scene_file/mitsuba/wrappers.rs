@@ -9,7 +9,7 @@ use super::texture::{Amount, Paint, Use};
 use super::value::Object;
 use std::rc::Rc;
 
-impl Importer {
+impl Importer<'_> {
     pub(super) fn two_sided(&mut self, object: &Object) -> Result<Surface, Fault> {
         let sides = self.parts(object, "bsdf")?;
         let allow = ["allow_transmission"];
