@@ -38,7 +38,9 @@ pub use ies::{IesError, IesFile, parse_ies_bytes, read_ies};
 pub use mesh_file::{MeshFileError, MeshPlace, MeshReading, read_mesh_file, read_mesh_file_with};
 pub use mesh_scene::{MESH_EXTENSIONS, MESH_SCENE_NAME, is_mesh_file, mesh_scene};
 pub use mesh_size::{MeshSize, kept_textures, mesh_sizes};
-pub use mitsuba::{MITSUBA_EXTENSIONS, is_mitsuba_file, mitsuba_scene, mitsuba_scene_within, parse_mitsuba_bytes};
+pub use mitsuba::{
+    MITSUBA_EXTENSIONS, is_mitsuba_file, mitsuba_scene, mitsuba_scene_within, parse_mitsuba_bytes,
+};
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};
 pub use room::Choice;
 pub use stl::{parse_stl_bytes, read_stl};
