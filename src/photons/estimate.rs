@@ -40,6 +40,10 @@ pub const NARROWER: f32 = std::f32::consts::FRAC_1_SQRT_2;
 const MOST_UNRESOLVED: usize = 4096;
 const FINEST: f32 = 0.25;
 
+/// Distance of a photon in the surface, over the free height above the centre, within which nothing of it is asked: half of what the photon
+/// could lie higher and still count as in the surface.
+const MOST_OVER_HEADROOM: f32 = 5.0;
+
 /// One, and more than distances differ by in whatever order they are summed up.
 const ROUNDED: f32 = 1.0001;
 
@@ -223,7 +227,9 @@ impl PhotonMap {
         };
         let is_low = |index| (self.position(index) - query.position).dot(query.normal) < 0.0;
         let clear = if sight.feels() && !sight.is_covered() {
-            clear_distance(seen.least_reach().min(radius))
+            // Not so far that in a thin body what lies on its outer side seems to lie in the surface.
+            let reach = seen.least_reach().min(radius);
+            clear_distance(reach).min(MOST_OVER_HEADROOM * sight.outlook(reach))
         } else {
             0.0
         };

@@ -27,6 +27,13 @@ const LARGEST_SHARE_OF_OUTLOOK: f32 = 0.25;
 /// than [`LARGEST_SHARE_OF_OUTLOOK`] of that, but for rare ones.
 const LARGEST_OUTLOOK: f32 = 32.0;
 
+/// Height above a place up to which a way must be free, over the distance of a point: twice the height up to which the surface of the point
+/// may lie above the place.
+const LEAST_RISE: f32 = 0.2;
+
+/// How far aside, over its height, such a way may lead: half of the distance that feelers went is left for it.
+pub const LARGEST_ASIDE: f32 = 2.5;
+
 /// Share of the photons around a point from which on those of direct light are so many more than the others that where the light
 /// ends, as at the edge of a patch of sun, points within answer for much that is without, where there are few: a place then asks
 /// the lights itself.
@@ -355,11 +362,12 @@ impl IrradianceMap {
         connects: impl Fn(Vec3, Vec3) -> bool,
     ) -> Option<Rgb> {
         let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
-        let mut visitor = NearestOne::new(max_radius, |_, normal, distance_squared, _| {
+        let nearest = NearestOne::new(max_radius, |_, normal, distance_squared, _| {
             acceptance.accepts(normal).then_some(distance_squared)
         });
+        let mut visitor = Facing { acceptance: &acceptance, nearest };
         self.tree.search(position, &mut visitor);
-        let index = index_of(visitor.best()?);
+        let index = index_of(visitor.nearest.best()?);
         let Value { irradiance, felt: reach, .. } = self.values[index];
         let reaches = self.tree.position(index).distance_squared(position) <= reach * reach;
         (reaches && self.connects(index, connects)).then(|| irradiance.decode())
@@ -378,6 +386,18 @@ impl IrradianceMap {
         max_radius: f32,
         connects: impl Fn(Vec3, Vec3) -> bool,
     ) -> Option<PointIrradiance> {
+        self.nearest_below((position, normal), 0.0, max_radius, connects)
+    }
+
+    /// [`Self::nearest`] for a place above which a straight way is free up to `free_height`, no farther aside than [`LARGEST_ASIDE`] times as
+    /// high: then the feelers of most points tell that a free way leads there, and `connects` is not asked.
+    pub fn nearest_below(
+        &self,
+        (position, normal): (Vec3, Vec3),
+        free_height: f32,
+        max_radius: f32,
+        connects: impl Fn(Vec3, Vec3) -> bool,
+    ) -> Option<PointIrradiance> {
         let mut refused = ArrayVec::<usize, MOST_ASKED>::new();
         while !refused.is_full() {
             let mut answering = Answering {
@@ -393,7 +413,7 @@ impl IrradianceMap {
             self.tree.search(position, &mut answering);
             let index = index_of(answering.best()?);
             let Value { irradiance, felt, .. } = self.values[index];
-            if self.is_clear(index, position, normal) || self.connects(index, &connects) {
+            if self.is_clear(index, (position, normal), free_height) || self.connects(index, &connects) {
                 return Some(PointIrradiance {
                     irradiance: irradiance.decode(),
                     lacks_direct: felt.is_sign_negative(),
@@ -404,8 +424,10 @@ impl IrradianceMap {
         None
     }
 
-    /// Whether the feelers of a point tell that a free way leads to a place on its surface.
-    fn is_clear(&self, index: usize, position: Vec3, normal: Vec3) -> bool {
+    /// Whether the feelers of a point tell that a free way leads to a place: that it lies on the surface of the point, which goes on all
+    /// around it. Where another surface runs close below that one, as on the inner side of a thin wall, the way that is free above
+    /// the place would have to lead through the surface of the point.
+    fn is_clear(&self, index: usize, (position, normal): (Vec3, Vec3), free_height: f32) -> bool {
         let felt = self.values[index].felt.abs();
         if !felt.is_finite() {
             return false;
@@ -414,11 +436,35 @@ impl IrradianceMap {
         let distance_squared = v.length_squared();
         let clear = clear_distance(felt);
         distance_squared <= clear * clear
+            && distance_squared <= free_height * free_height / (LEAST_RISE * LEAST_RISE)
             && !leaves_surface(distance_squared, v, normal + decode_normal(self.tree.tag(index)))
     }
 
     fn connects(&self, index: usize, connects: impl Fn(Vec3, Vec3) -> bool) -> bool {
         connects(self.tree.position(index), decode_normal(self.tree.tag(index)))
+    }
+}
+
+/// Finds the nearest point among those that face along a normal: leaves without such points are passed over.
+struct Facing<'a, F> {
+    acceptance: &'a Acceptance,
+    nearest: NearestOne<F>,
+}
+
+impl<F: Fn(usize, u16, f32, Vec3) -> Option<f32>> Visitor<LEAF> for Facing<'_, F> {
+    #[inline]
+    fn bound(&self) -> f32 {
+        Visitor::<LEAF>::bound(&self.nearest)
+    }
+
+    #[inline]
+    fn wants(&self, normals: u32) -> bool {
+        self.acceptance.may_accept(normals)
+    }
+
+    #[inline]
+    fn visit(&mut self, first: u32, distances_squared: &[f32; LEAF], block: &Block<LEAF>) {
+        self.nearest.visit(first, distances_squared, block);
     }
 }
 
@@ -721,6 +767,42 @@ mod tests {
             assert!(near_wall || irradiance.nearest((at, Vec3::Y), 1.0, same_side).is_some(), "{at}");
             assert!(irradiance.nearest((at, Vec3::Y), 1.0, |_, _| false).is_none());
         }
+    }
+
+    #[test]
+    fn feelers_answer_for_the_surface_below_a_free_way() {
+        /// Feelers that meet nothing.
+        struct Open;
+        impl Sight for Open {
+            fn feel(&mut self, _: f32) -> Seen {
+                Seen::Whole
+            }
+            fn sees(&mut self, _: Vec3, _: Vec3) -> bool {
+                true
+            }
+            fn feels(&self) -> bool {
+                true
+            }
+            fn is_covered(&self) -> bool {
+                false
+            }
+            fn outlook(&mut self, _: f32) -> f32 {
+                f32::INFINITY
+            }
+        }
+        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
+        let irradiance = square(1000, 0)
+            .precompute_irradiance_until(&template(50), &params, 1, |_, _| Open, None, &|| false)
+            .unwrap();
+        let found = |height: f32, free: f32| {
+            let at = Vec3::new(0.5, height, 0.5);
+            irradiance.nearest_below((at, Vec3::Y), free, 1.0, |_, _| false).is_some()
+        };
+        assert!(found(0.0, 1.0), "on the surface");
+        assert!(!found(0.0, 0.0), "nothing is known of what is above");
+        assert!(!found(-0.02, 0.0) && !found(-0.02, 1.0), "on another surface below");
+        // On the inner side of a thin wall, where the way from within is no longer than the wall is thick.
+        assert!(!found(-1e-4, 1e-4));
     }
 
     #[test]

@@ -142,3 +142,39 @@ emission = {{ radiance = 20.0 }}
         assert_dark(&text, &format!("a gap of {gap}"));
     }
 }
+
+#[test]
+fn a_closed_thin_body_whose_outside_is_lit_is_dark() {
+    for (thickness, shape) in [
+        (1e-3, "type = \"box\"\nmin = [-1, 0.3, -1]\nmax = [1, {top}, 1]"),
+        (0.02, "type = \"box\"\nmin = [-1, 0.3, -1]\nmax = [1, {top}, 1]"),
+        (
+            0.02,
+            "type = \"mesh\"\nvertices = [[-1, 0.3, -1], [1, 0.3, -1], [0, 0.3, 1], [0, {top}, 0]]\nfaces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]]",
+        ),
+    ] {
+        let shape = shape.replace("{top}", &format!("{}", 0.3 + thickness));
+        let text = format!(
+            r#"
+[camera]
+eye = [0, {eye}, 0]
+at = [0.2, {at}, -1]
+[materials.w]
+type = "lambert"
+reflectance = [0.7, 0.6, 0.5]
+[[shapes]]
+{shape}
+material = "w"
+[[shapes]]
+type = "quad"
+corner = [-0.5, 3, -0.5]
+edge-u = [1, 0, 0]
+edge-v = [0, 0, 1]
+emission = {{ radiance = 20.0 }}
+"#,
+            eye = 0.3 + 0.5 * thickness,
+            at = 0.3 + 0.25 * thickness,
+        );
+        assert_dark(&text, &format!("{thickness} thick, {shape}"));
+    }
+}
