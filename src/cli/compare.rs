@@ -286,7 +286,8 @@ fn table(rows: &[Row<'_>]) -> String {
             f.relmse_u.map_or("-".to_owned(), short),
             f.relrmse_u.map_or("-".to_owned(), short),
             short(f.relmse_t),
-            format!("{:+.3} %", f.bias),
+            // Of a black reference there is no share.
+            if f.bias.is_finite() { format!("{:+.3} %", f.bias) } else { "-".to_owned() },
             short(f.firefly),
             f.nan.to_string(),
             short(f.flip),

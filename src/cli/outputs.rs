@@ -62,7 +62,7 @@ impl Outputs {
         {
             bail!(
                 "{shown} is there already and was not written by cardioid: {what} would overwrite it; choose another name with \
-                 -o, or replace it with --overwrite"
+                 -o, or, where the scene does not read it, replace it with --overwrite"
             );
         }
         self.outputs.push(added);

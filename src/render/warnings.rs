@@ -28,8 +28,8 @@ pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
     }
     if is_worth_a_warning(counters.rare_glints, counters.camera_rays) {
         warnings.push(format!(
-            "{} times a lamp was met in glass or mirrors where the samples are too few to show how bright it is, and was dimmed \
-             by how rare that is (raise --spp, or --rounds; --glints false shows white dots)",
+            "images of light sources in glass or mirrors were met {} time(s) where the samples are too few to show how bright they are, and were \
+             dimmed by how rare that is (raise --spp, or --rounds; --glints false shows white dots)",
             counters.rare_glints
         ));
     }

@@ -76,8 +76,7 @@ pub enum BuildProblem {
     Gltf(#[from] Box<GltfError>),
     /// Its mesh cannot be fitted.
     #[error(
-        "{}: no triangles with an extent that `fit` could scale: the mesh is empty, damaged, or of points and lines alone; \
-         name one with faces",
+        "{}: no faces with an extent: the mesh is empty, damaged, or of points and lines alone; name one with faces",
         .0.display()
     )]
     Fit(PathBuf),

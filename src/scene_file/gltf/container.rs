@@ -97,7 +97,10 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, Failure> {
     while at < bytes.len() {
         let object = format!("chunk {index}");
         let (Some(size), Some(kind)) = (number(bytes, at), number(bytes, at + 4)) else {
-            return fail(object, "its header is cut off; write the file again");
+            let problem = format!(
+                "its header is cut off at byte {length}, where the file ends by its own header; write the file again"
+            );
+            return fail(object, problem);
         };
         at += 8;
         let Some(content) = bytes.get(at..at.saturating_add(size as usize)) else {
