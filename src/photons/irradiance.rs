@@ -1,4 +1,4 @@
-use super::domain::{KernelDomain, Seen, Sight, clear_distance};
+use super::domain::{KernelDomain, Seen, Sight};
 use super::estimate::EstimateParams;
 use super::kd_tree::{Block, KdTree, Point, Visitor};
 use super::map::{
@@ -26,13 +26,6 @@ const LARGEST_SHARE_OF_OUTLOOK: f32 = 0.25;
 /// Distance, over the radius of an estimate, beyond which it does not matter what the place faces: its neighbours lie no farther apart
 /// than [`LARGEST_SHARE_OF_OUTLOOK`] of that, but for rare ones.
 const LARGEST_OUTLOOK: f32 = 32.0;
-
-/// Height above a place up to which a way must be free, over the distance of a point: twice the height up to which the surface of the point
-/// may lie above the place.
-const LEAST_RISE: f32 = 0.2;
-
-/// How far aside, over its height, such a way may lead: half of the distance that feelers went is left for it.
-pub const LARGEST_ASIDE: f32 = 2.5;
 
 /// Share of the photons around a point from which on those of direct light are so many more than the others that where the light
 /// ends, as at the edge of a patch of sun, points within answer for much that is without, where there are few: a place then asks
@@ -63,9 +56,9 @@ pub struct IrradianceMap {
 #[derive(Clone, Copy, Debug)]
 struct Value {
     irradiance: Rgbe,
-    /// How far feelers went from the point in every direction before something stood in their way, or as long as they are; for
-    /// [`IrradianceMap::near`] a share of the radius of its estimate. Infinite where there were no feelers, and zero where the point
-    /// answers for no place. With its sign set where light straight from the lights is left out of the irradiance.
+    /// How far one can go from the point in every direction before something stands in the way, as far as feelers told; infinite
+    /// in the open, and for [`IrradianceMap::near`] a share of the radius of its estimate. Zero where the point answers for no
+    /// place. With its sign set where light straight from the lights is left out of the irradiance.
     felt: f32,
     /// Distance of the neighbour that ends what the point answers for ([`NEIGHBOURS`]).
     reach: f32,
@@ -249,15 +242,7 @@ struct Noting<S> {
 impl<S: Sight> Sight for Noting<S> {
     fn feel(&mut self, radius: f32) -> Seen {
         let seen = self.sight.feel(radius);
-        self.reach = match &seen {
-            Seen::Part(domain) => domain.least_reach(),
-            Seen::Whole if self.sight.feels() => KernelDomain::length_for(radius),
-            Seen::Whole | Seen::Little => f32::INFINITY,
-        };
-        // Next to nothing is known around a place under something.
-        if self.sight.is_covered() {
-            self.reach = self.reach.min(f32::MIN_POSITIVE);
-        }
+        self.reach = seen.part().map_or(f32::INFINITY, KernelDomain::least_reach);
         seen
     }
 
@@ -386,18 +371,6 @@ impl IrradianceMap {
         max_radius: f32,
         connects: impl Fn(Vec3, Vec3) -> bool,
     ) -> Option<PointIrradiance> {
-        self.nearest_below((position, normal), 0.0, max_radius, connects)
-    }
-
-    /// [`Self::nearest`] for a place above which a straight way is free up to `free_height`, no farther aside than [`LARGEST_ASIDE`] times as
-    /// high: then the feelers of most points tell that a free way leads there, and `connects` is not asked.
-    pub fn nearest_below(
-        &self,
-        (position, normal): (Vec3, Vec3),
-        free_height: f32,
-        max_radius: f32,
-        connects: impl Fn(Vec3, Vec3) -> bool,
-    ) -> Option<PointIrradiance> {
         let mut refused = ArrayVec::<usize, MOST_ASKED>::new();
         while !refused.is_full() {
             let mut answering = Answering {
@@ -413,7 +386,7 @@ impl IrradianceMap {
             self.tree.search(position, &mut answering);
             let index = index_of(answering.best()?);
             let Value { irradiance, felt, .. } = self.values[index];
-            if self.is_clear(index, (position, normal), free_height) || self.connects(index, &connects) {
+            if self.connects(index, &connects) {
                 return Some(PointIrradiance {
                     irradiance: irradiance.decode(),
                     lacks_direct: felt.is_sign_negative(),
@@ -422,22 +395,6 @@ impl IrradianceMap {
             refused.push(index);
         }
         None
-    }
-
-    /// Whether the feelers of a point tell that a free way leads to a place: that it lies on the surface of the point, which goes on all
-    /// around it. Where another surface runs close below that one, as on the inner side of a thin wall, the way that is free above
-    /// the place would have to lead through the surface of the point.
-    fn is_clear(&self, index: usize, (position, normal): (Vec3, Vec3), free_height: f32) -> bool {
-        let felt = self.values[index].felt.abs();
-        if !felt.is_finite() {
-            return false;
-        }
-        let v = self.tree.position(index) - position;
-        let distance_squared = v.length_squared();
-        let clear = clear_distance(felt);
-        distance_squared <= clear * clear
-            && distance_squared <= free_height * free_height / (LEAST_RISE * LEAST_RISE)
-            && !leaves_surface(distance_squared, v, normal + decode_normal(self.tree.tag(index)))
     }
 
     fn connects(&self, index: usize, connects: impl Fn(Vec3, Vec3) -> bool) -> bool {
@@ -767,42 +724,6 @@ mod tests {
             assert!(near_wall || irradiance.nearest((at, Vec3::Y), 1.0, same_side).is_some(), "{at}");
             assert!(irradiance.nearest((at, Vec3::Y), 1.0, |_, _| false).is_none());
         }
-    }
-
-    #[test]
-    fn feelers_answer_for_the_surface_below_a_free_way() {
-        /// Feelers that meet nothing.
-        struct Open;
-        impl Sight for Open {
-            fn feel(&mut self, _: f32) -> Seen {
-                Seen::Whole
-            }
-            fn sees(&mut self, _: Vec3, _: Vec3) -> bool {
-                true
-            }
-            fn feels(&self) -> bool {
-                true
-            }
-            fn is_covered(&self) -> bool {
-                false
-            }
-            fn outlook(&mut self, _: f32) -> f32 {
-                f32::INFINITY
-            }
-        }
-        let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
-        let irradiance = square(1000, 0)
-            .precompute_irradiance_until(&template(50), &params, 1, |_, _| Open, None, &|| false)
-            .unwrap();
-        let found = |height: f32, free: f32| {
-            let at = Vec3::new(0.5, height, 0.5);
-            irradiance.nearest_below((at, Vec3::Y), free, 1.0, |_, _| false).is_some()
-        };
-        assert!(found(0.0, 1.0), "on the surface");
-        assert!(!found(0.0, 0.0), "nothing is known of what is above");
-        assert!(!found(-0.02, 0.0) && !found(-0.02, 1.0), "on another surface below");
-        // On the inner side of a thin wall, where the way from within is no longer than the wall is thick.
-        assert!(!found(-1e-4, 1e-4));
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub use file::{
 };
 pub use guide::{DirectionGuide, GuideLobe, GuideParams, LocalGuide};
 pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_deposits};
-pub use irradiance::{DirectLight, IrradianceMap, LARGEST_ASIDE, PointIrradiance};
+pub use irradiance::{DirectLight, IrradianceMap, PointIrradiance};
 pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use pass::{

@@ -203,7 +203,7 @@ fn casters_and_lights_without_photons_are_named() {
         "{:?}",
         shot.statistics.warnings
     );
-    assert!(shot.warns("`caustic-photons`") && shot.warns("`photons` in the scene file"));
+    assert!(shot.warns("`caustic-photons`") && shot.warns("lights of a TOML scene have `photons` too"));
     // What the remedy asks for helps.
     let helped = floor(&format!("{seen}{POINT}{}", dim.replace("power", "photons = 1e5\npower")));
     let shot = helped.shoot(&few);

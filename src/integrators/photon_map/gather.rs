@@ -8,7 +8,7 @@ use crate::integrators::{Directions, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
-use crate::photons::{IlluminationMaps, LARGEST_ASIDE};
+use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
 use glam::Vec3;
@@ -379,11 +379,7 @@ impl PhotonMapIntegrator<'_> {
         if let (Some(irradiance), Some(lambert)) = (&self.maps.irradiance, shading.bsdf.lambertian()) {
             let connects = |place, facing| self.scene.connects(hit, place, facing);
             let (position, normal) = (hit.point.position, hit.facing_normal());
-            let cosine = hit.wo.dot(normal);
-            let is_steep = cosine * cosine * (1.0 + LARGEST_ASIDE * LARGEST_ASIDE) >= 1.0;
-            let free_height = if is_steep { hit.distance * cosine } else { 0.0 };
-            let found =
-                irradiance.nearest_below((position, normal), free_height, POOR_REACH * largest, connects)?;
+            let found = irradiance.nearest((position, normal), POOR_REACH * largest, connects)?;
             let reflected = lambert.reflectance * found.irradiance * FRAC_1_PI;
             return Some(if found.lacks_direct {
                 reflected + self.direct_at(at, u, scratch)
