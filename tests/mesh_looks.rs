@@ -354,7 +354,7 @@ fn files_of_other_kinds_are_named() {
         ("a.3ds", b"MM\x10\0\0\0\x02\0", ["a 3D Studio file", "glTF"]),
         ("a.dae", b"<?xml version=\"1.0\"?><COLLADA>", ["a COLLADA file", "glTF"]),
         ("a.step", b"ISO-10303-21;\nHEADER;\n", ["a STEP file", "mesh"]),
-        ("a.xml", b"<scene version=\"3.0.0\">\n</scene>", ["Mitsuba", "docs/scene-format.md"]),
+        ("a.scene", b"<scene version=\"3.0.0\">\n</scene>", ["Mitsuba", ".xml"]),
         ("a.pbrt", b"LookAt 0 0 5 0 0 0 0 1 0\nWorldBegin\n", ["pbrt", "docs/scene-format.md"]),
         ("a.dat", b"\0\x01\x02\x03\xff", ["a binary file", "TOML"]),
         ("photo.png", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", ["a picture", "scene"]),

@@ -234,8 +234,11 @@ impl PhotonMap {
             0.0
         };
         // Feelers lead to some; else the nearest is asked.
-        let is_among_photons =
-            found.iter().take(photons).any(|(index, d)| d <= clear * clear && !is_doubtful(index, d));
+        // Not those below: they may lie under the surface, as in a gap below the floor of a closed body.
+        let height = |index| (self.position(index) - query.position).dot(query.normal);
+        let is_beside =
+            |(index, d)| d <= clear * clear && height(index) >= -least_radius && !is_doubtful(index, d);
+        let is_among_photons = found.iter().take(photons).any(is_beside);
         let is_hidden = !is_among_photons && {
             let nearest = found.iter().take(photons).min_by(|a, b| a.1.total_cmp(&b.1));
             nearest.is_some_and(|(index, d)| !is_here(d) && !sees(&mut *sight, index))

@@ -76,7 +76,7 @@ pub enum BuildProblem {
     Gltf(#[from] Box<GltfError>),
     /// Its mesh cannot be fitted.
     #[error(
-        "{}: no faces with an extent: the mesh is empty, damaged, or of points and lines alone; name one with faces",
+        "{}: no triangles with an extent: the mesh is empty, damaged, or of points and lines alone; name one with faces",
         .0.display()
     )]
     Fit(PathBuf),
