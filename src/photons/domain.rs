@@ -20,11 +20,11 @@ const SMALLEST_SHARE: f32 = 0.1;
 /// every wall that crosses the disc.
 const STRETCH: f32 = 1.083;
 
-/// Share of the length that all feelers went within which nothing stands on the surface, not even a corner between two feelers: one of
-/// 45 degrees or more that is half as far away spreads to both of them.
+/// Share of the length that all feelers went within which nothing is expected to stand on the surface, not even a right-angled corner between
+/// two feelers: one that is half as far away spreads to both of them. Sharper ones may be missed.
 const CLEAR_SHARE: f32 = 0.5;
 
-/// Distance from the centre within which a free way leads to every place of the surface, where no feeler met anything within
+/// Distance from the centre within which a free way is expected to every place of the surface, where no feeler met anything within
 /// `least_reach`.
 pub(super) fn clear_distance(least_reach: f32) -> f32 {
     CLEAR_SHARE * least_reach
