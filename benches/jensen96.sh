@@ -133,7 +133,7 @@ series() {
 ## The Cornell box, step by step
 
 What the lecture shows one after the other. *Ray traced*: shadow rays and ideal reflection alone, under a point light and
-under the lamp. The two maps as they are: 50,000 caustic photons with 60 in an estimate; 200,000 global ones with 100; and with 500, in
+under the area light. The two maps as they are: 50,000 caustic photons with 60 in an estimate; 200,000 global ones with 100; and with 500, in
 a disc. In a sphere (`--search sphere`), which in the lecture takes in what lies around corners, this picture is the same to the bit:
 photons on surfaces that face elsewhere are never taken, so a disc matters on curved surfaces alone.
 
@@ -160,7 +160,7 @@ END
     for count in 10k 100k 1M; do
         frame series-$count cornell-spheres "${shown[@]}" --map global --global-photons $count --global-nearest 100
     done
-    gallery "ray traced, point light | ray traced, lamp | both photon maps, \`preview\`" "series-sharp | series-soft | series-full"
+    gallery "ray traced, point light | ray traced, area light | both photon maps, \`preview\`" "series-sharp | series-soft | series-full"
     gallery "caustic map, 60 of 50,000 | global map, 100 of 200,000 | 500 of 200,000" "series-caustic | series-global | series-500"
     gallery "100 of 10,000 photons | of 100,000 | of 1,000,000" "series-10k | series-100k | series-1M"
 }

@@ -13,13 +13,15 @@ source benches/references.sh
 around=(--around draft --around preview --around rounds --around final)
 
 cat <<END
-# Presets on the front
+# What settings cost and buy
+
+This page has the measurements. [which-settings.md](which-settings.md) draws the conclusions from them.
 
 Written by \`make quality\` ([\`benches/quality.sh\`](../benches/quality.sh)); $(date +%Y-%m-%d), $(nproc) threads of an $(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1),
 $("$program" --version). Each section is what \`cardioid tradeoff SCENE\` writes, by renders with three seeds each, within
 $budget for each scene. *Error*, *noise* and *bias* are relative: roots of means of squares over r^2 + f, f a hundredth of the square of the
 reference's mean, free of the reference's noise. *Seconds* are those of one picture on the clock, *processor s* those of all threads.
-The front is what no other of the renders beats in both processor time and error. \`reference\` is left out where its time exceeds the
+A render is on the front if no other render has both less processor time and less error. \`reference\` is left out where its time exceeds the
 budget.
 
 END
