@@ -293,3 +293,66 @@ fn nothing_names_a_machine() {
         }
     }
 }
+
+/// The words of `line` between single backquotes.
+fn quoted(line: &str) -> impl Iterator<Item = &str> {
+    line.split('`').skip(1).step_by(2)
+}
+
+/// A page that leads through the code leads to what is there: each file that a line names exists, and each function or type beside it is
+/// in one of the files of that line, or in a drawing in one of those above it.
+#[test]
+fn the_map_of_the_code_names_what_there_is() {
+    let is_name =
+        |word: &&str| word.chars().all(|c| c.is_alphanumeric() || "_:".contains(c)) && !word.is_empty();
+    for page in ["docs/architecture.md"] {
+        let text = fs::read_to_string(root().join(page)).unwrap();
+        let (mut checked, mut before) = (0, String::new());
+        for (number, line) in text.lines().enumerate() {
+            let at = format!("{page}:{}", number + 1);
+            let words = line.split(|c: char| c.is_whitespace() || "`|(),;".contains(c));
+            let paths: Vec<&str> = words
+                .clone()
+                .filter(|word| word.starts_with("src/") && word.len() > 4)
+                .map(|word| word.trim_end_matches(['.', ':']))
+                .collect();
+            for path in &paths {
+                assert!(root().join(path).exists(), "{at}: there is no {path}");
+            }
+            if line.starts_with("```") || line.starts_with('|') {
+                before.clear();
+            }
+            let files = paths.iter().map(|path| root().join(path));
+            before.extend(files.filter_map(|file| fs::read_to_string(file).ok()));
+            let is_row = line.starts_with("| ") && !paths.is_empty();
+            let in_drawing = words.filter(|word| word.contains("::") && !line.contains('`'));
+            let in_row = quoted(line).filter(|word| is_row && !word.contains('/'));
+            for name in in_drawing.chain(in_row).filter(is_name) {
+                let last = name.rsplit("::").next().unwrap_or(name);
+                assert!(has_word(&before, last), "{at}: {name} is not in {paths:?}");
+                checked += 1;
+            }
+        }
+        assert!(checked > 10, "{page}: only {checked} names found");
+    }
+}
+
+#[test]
+fn links_of_the_documents_lead_to_files() {
+    let mut pages = files("docs", &["md"]);
+    pages.extend(["README.md", "CHANGELOG.md"].map(|page| root().join(page)));
+    let mut links = 0;
+    for page in pages {
+        let text = fs::read_to_string(&page).unwrap();
+        for (at, open) in text.match_indices("](") {
+            let after = &text[at + open.len()..];
+            let target = after.split([')', '#', ' ']).next().unwrap_or_default();
+            if target.is_empty() || target.contains("://") {
+                continue;
+            }
+            assert!(page.with_file_name(target).exists(), "{}: there is no {target}", name(&page));
+            links += 1;
+        }
+    }
+    assert!(links > 100, "{links}");
+}
