@@ -305,7 +305,7 @@ fn quoted(line: &str) -> impl Iterator<Item = &str> {
 fn the_map_of_the_code_names_what_there_is() {
     let is_name =
         |word: &&str| word.chars().all(|c| c.is_alphanumeric() || "_:".contains(c)) && !word.is_empty();
-    for page in ["docs/architecture.md"] {
+    for (page, least) in [("docs/architecture.md", 60), ("docs/recipes.md", 0)] {
         let text = fs::read_to_string(root().join(page)).unwrap();
         let (mut checked, mut before) = (0, String::new());
         for (number, line) in text.lines().enumerate() {
@@ -333,7 +333,7 @@ fn the_map_of_the_code_names_what_there_is() {
                 checked += 1;
             }
         }
-        assert!(checked > 10, "{page}: only {checked} names found");
+        assert!(checked >= least, "{page}: only {checked} names found");
     }
 }
 
