@@ -5,9 +5,10 @@
 //! that can be is found when a scene is made, so that rays elsewhere pay for no second look.
 
 use super::crossings::Crossings;
+use super::parts::SceneParts;
+use super::scene::Scene;
 use super::surface::{HitPoint, SurfaceInteraction};
 use super::touching::{Touching, find_touching};
-use super::world::{Scene, SceneParts};
 use crate::embree::RawHit;
 use crate::lights::Light;
 use crate::math::{Bounds3, Ray, Rgb};

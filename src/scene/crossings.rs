@@ -1,7 +1,8 @@
 //! Every surface along a ray, each crossing once.
 
+use super::parts::{Geometry, Node};
+use super::scene::Scene;
 use super::surface::Placement;
-use super::world::{Geometry, Node, Scene};
 use crate::embree::{AllHits, RawHit, TriangleBuffers};
 use crate::math::Ray;
 use crate::math::rounding::UNIT_ROUNDOFF;

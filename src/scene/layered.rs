@@ -1,7 +1,7 @@
 //! Materials whose parameters come from pictures and from the vertices of meshes, resolved where a surface is hit.
 
+use super::parts::Mesh;
 use super::surface::{Placement, SurfaceInteraction};
-use super::world::Mesh;
 use crate::bsdf::{Body, Layered, LayeredParameters};
 use crate::embree::{Cutout, TriangleBuffers};
 use crate::math::{Rgb, unit};

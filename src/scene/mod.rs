@@ -3,25 +3,30 @@
 mod contact;
 mod crossings;
 mod illuminated;
+mod interfaces;
 mod layered;
 mod material;
 mod misfits;
+mod parts;
 mod plan;
+mod reach;
 mod render_space;
+#[allow(clippy::module_inception, reason = "the room's main type")]
+mod scene;
 mod shading;
 mod surface;
 mod texture;
 mod touching;
-mod world;
 
 pub use contact::Borders;
 pub use crossings::Crossings;
 pub use illuminated::{IlluminatedShape, IlluminationKernel};
 pub use layered::{AlphaCutout, Coverage, LayeredMaterial, Painted, glow_of};
 pub use material::{Material, Tangent};
+pub use parts::{Geometry, LightNote, Mesh, Node, SceneParts, Surface, Target};
 pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowMode};
 pub use render_space::RenderSpace;
+pub use scene::{LightMedia, Scene};
 pub use shading::Shading;
 pub use surface::{DiffuseHit, HitPoint, Placement, SurfaceInteraction, shadow_target};
 pub use texture::{Bump, MaterialTexture};
-pub use world::{Geometry, LightMedia, LightNote, Mesh, Node, Scene, SceneParts, Surface, Target};

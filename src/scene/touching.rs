@@ -1,8 +1,8 @@
 //! Finds where surfaces of a scene may touch: boxes around all places where a border between media, or a flat emitter, and another
 //! surface are within rounding of each other. Too many boxes cost time, and too few would lose a surface, so all bounds are wide.
 
+use super::parts::{Geometry, Node, SceneParts, Surface};
 use super::surface::{HitPoint, Placement};
-use super::world::{Geometry, Node, SceneParts, Surface};
 use crate::lights::Light;
 use crate::math::{Bounds3, unit_f64};
 use glam::{DVec3, Vec3};
