@@ -23,3 +23,4 @@ pub mod scene;
 pub mod scene_file;
 pub mod shapes;
 pub mod textures;
+pub mod transport;

@@ -6,11 +6,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Rooms by layer; each may use those of its own layer and of the layers above it in this list.
-const LAYERS: [&[&str]; 9] = [
+const LAYERS: [&[&str]; 10] = [
     &["math", "sampling", "files"],
     &["embree", "image_io", "film"],
     &["shapes", "textures", "bsdf", "media", "lights", "camera"],
     &["scene"],
+    &["transport"],
     &["photons"],
     &["caches"],
     &["integrators"],

@@ -8,7 +8,8 @@ use crate::media::Surroundings;
 use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, SurfaceInteraction};
-use glam::{Vec2, Vec3};
+use crate::transport::{attenuation, power_heuristic, receiver, transmittance};
+use glam::Vec2;
 use std::ops::AddAssign;
 
 /// What a surface reflects or transmits of the light that arrives straight from emitters, by lobe.
@@ -18,13 +19,6 @@ pub struct Reflected {
     pub diffuse: Rgb,
     /// By the glossy lobe, weighted against rays drawn from it.
     pub glossy: Rgb,
-}
-
-/// Where a ray was drawn from, and its density within a smooth lobe: light that it hits was sampled there as well.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Drawn {
-    pub from: Receiver,
-    pub pdf: f32,
 }
 
 /// Shadow rays from surfaces that are not specular to sampled points of the lights.
@@ -138,27 +132,17 @@ impl<'a> DirectLighting<'a> {
         };
         // Photons tell of the side that they arrived on.
         let decision = if transmission { None } else { self.decision(receiver, index, scratch) };
-        let is_seen = match decision {
-            Some(ShadowDecision::Lit) => true,
-            Some(ShadowDecision::Shadow) => false,
+        let transmittance = match decision {
+            Some(ShadowDecision::Shadow) => None,
+            Some(ShadowDecision::Lit) => Some(attenuation(self.scene, &medium, sample.distance)),
             Some(ShadowDecision::Mixed | ShadowDecision::TooFew) | None => {
                 scratch.counters.shadow_rays += 1;
-                let ray = match sample.target {
-                    Some(target) => hit.spawn_to(target),
-                    None => hit.spawn(sample.wi),
-                };
-                !self.scene.occluded(&ray)
+                transmittance(self.scene, hit, &sample, &medium)
             }
         };
-        if !is_seen {
-            return nothing;
-        }
-        let medium = self.scene.medium(medium.medium());
-        if !medium.is_clear() {
-            let transmittance = medium.transmittance(sample.distance);
-            found.diffuse *= transmittance;
-            found.glossy *= transmittance;
-        }
+        let Some(transmittance) = transmittance else { return nothing };
+        found.diffuse *= transmittance;
+        found.glossy *= transmittance;
         if !light.is_delta() {
             if self.bsdf_sampling && found.diffuse != Rgb::ZERO {
                 let other = receiver.directions.pdf_diffuse(wi);
@@ -170,19 +154,6 @@ impl<'a> DirectLighting<'a> {
             }
         }
         found
-    }
-
-    /// Weight of light found along a ray drawn from a lobe, against sampling it from there; one for a ray that no light
-    /// sampling competes with. `pdf_of_light` is the density per solid angle of the light's own samples.
-    pub(super) fn weight(
-        &self,
-        drawn: Option<Drawn>,
-        id: LightId,
-        pdf_of_light: impl FnOnce(Receiver) -> f32,
-    ) -> f32 {
-        drawn.map_or(1.0, |drawn| {
-            power_heuristic(drawn.pdf, pdf_of_light(drawn.from) * self.choice_probability(&drawn.from, id))
-        })
     }
 
     /// What the photons of a light say of the receiver, asked once for all rays; counts the ray that waits for it.
@@ -210,19 +181,6 @@ impl<'a> DirectLighting<'a> {
         scratch.shadows[light].ray(decision);
         decision
     }
-
-    /// Probability with which [`Self::radiance`] chooses a light: what the pdf of its samples is multiplied by.
-    pub fn choice_probability(&self, at: &Receiver, light: LightId) -> f32 {
-        self.scene.light_choice().probability(at, light)
-    }
-}
-
-/// A hit as lights see it: with its normal where it only reflects, so that lights behind it are not drawn.
-#[inline]
-pub(super) fn receiver(scene: &Scene, hit: &SurfaceInteraction) -> Receiver {
-    let transmits = scene.material(hit).medium_on(true).is_some();
-    let normal = if transmits { Vec3::ZERO } else { hit.facing_normal() };
-    Receiver { position: hit.point.position, normal }
 }
 
 /// What shadow photons decided about one light.
@@ -270,13 +228,4 @@ impl AddAssign for ShadowCounters {
         self.rays_saved += other.rays_saved;
         self.rays_traced += other.rays_traced;
     }
-}
-
-/// Weight of a sample with density `pdf` against a technique with density `other` (Veach 1997, section 9.2.4).
-pub(super) fn power_heuristic(pdf: f32, other: f32) -> f32 {
-    if pdf.is_infinite() {
-        return 1.0;
-    }
-    let ratio = other / pdf;
-    1.0 / (1.0 + ratio * ratio)
 }

@@ -1,7 +1,6 @@
 //! How much each of many lights contributes to the picture, found by a short pass from the camera before photons are shared
 //! out: a light in another room gets few of them, one in this room many.
 
-use super::direct::receiver;
 use crate::bsdf::Lobe;
 use crate::camera::Camera;
 use crate::lights::{LIGHTS_SAMPLED_EACH, LightId, LightSample};
@@ -9,6 +8,7 @@ use crate::math::{Ray, Rgb, unit};
 use crate::photons::{CausticSurvey, survey_caustics};
 use crate::sampling::{SampleStream, Stream, mix, refined};
 use crate::scene::{Scene, SurfaceInteraction};
+use crate::transport::{receiver, shadow_ray};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -220,10 +220,7 @@ fn gather(
 
 /// Whether light reaches a surface, straight or by panes that it passes nearly straight.
 fn arrives(scene: &Scene, hit: &SurfaceInteraction, sample: &LightSample) -> bool {
-    let ray = match sample.target {
-        Some(target) => hit.spawn_to(target),
-        None => hit.spawn(sample.wi),
-    };
+    let ray = shadow_ray(hit, sample);
     if !scene.occluded(&ray) {
         return true;
     }

@@ -2,19 +2,18 @@
 //! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it; photons may tell it where to look
 //! (Jensen 1995), which changes noise and nothing else.
 
-use super::direct::{DirectLighting, Drawn, receiver};
+use super::direct::DirectLighting;
 use super::glints::Chain;
 use super::specular::chain_roulette;
 use super::{Directions, EyeRay, Integrator, Irradiance, Receiver, Scratch, describe_first_hit};
 use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
-use crate::lights::{Light, LightId};
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
-use glam::Vec3;
+use crate::transport::{Arrival, Event, MisPartner, emitted, escaped, next_event, receiver};
 use std::cell::Cell;
 
 /// Surfaces after which roulette may end a path.
@@ -82,26 +81,6 @@ impl<'a> PathTracer<'a> {
     pub fn guided_by(self, guide: Option<&'a DirectionGuide>) -> Self {
         Self { guide, ..self }
     }
-
-    fn emitted(
-        &self,
-        hit: &SurfaceInteraction,
-        drawn: Option<Drawn>,
-        glint: impl FnOnce(LightId) -> f32,
-    ) -> Rgb {
-        let Some(id) = self.scene.surface(hit).light else { return Rgb::ZERO };
-        let Light::Area(area) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        let weight = self
-            .direct
-            .weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position));
-        let found = area.emitted(hit.is_front()) * hit.glow * weight;
-        if found == Rgb::ZERO { found } else { found * glint(id) }
-    }
-
-    /// Light from outside along a ray that meets nothing.
-    fn outside(&self, direction: Vec3, drawn: Option<Drawn>, glint: impl Fn(LightId) -> f32) -> Rgb {
-        self.scene.outside(direction, |id, pdf| self.direct.weight(drawn, id, |_| pdf()) * glint(id))
-    }
 }
 
 /// A path under way.
@@ -112,7 +91,7 @@ struct State<'a> {
     throughput: Rgb,
     medium: Surroundings,
     class: Class,
-    drawn: Option<Drawn>,
+    partner: Option<MisPartner>,
     /// Specular or highly glossy surfaces met since the last other one.
     chain: u32,
     /// Part of the throughput that comes from drawing directions more or less often than the BSDF alone would.
@@ -128,7 +107,7 @@ impl State<'_> {
             throughput: Rgb::ONE,
             medium,
             class: Class::Camera,
-            drawn: None,
+            partner: None,
             chain: 0,
             guidance: 1.0,
         }
@@ -175,8 +154,8 @@ impl PathTracer<'_> {
             }
             state.throughput /= brightest;
         }
-        state.drawn = (sample.lobe != Lobe::Specular)
-            .then_some(Drawn { from: receiver(self.scene, hit), pdf: sample.pdf_solid_angle });
+        state.partner = (sample.lobe != Lobe::Specular)
+            .then_some(MisPartner { from: receiver(self.scene, hit), pdf: sample.pdf_solid_angle });
         state.class = state.class.after(sample.lobe);
         state.medium = medium;
         let seen = state.seen.filter(|_| sample.lobe == Lobe::Specular);
@@ -202,24 +181,22 @@ impl PathTracer<'_> {
             scratch.counters.path_rays += u64::from(depth > 0);
             let (seen, ray, rare) = (state.seen, state.ray, Cell::new(0));
             let glint = |id| seen.map_or(1.0, |(eye, chain)| eye.lamp_weight(&chain, id, &ray, &rare));
-            let Some((hit, passed)) = self.scene.intersect_within(&state.ray, &mut state.medium) else {
-                let found = self.outside(state.ray.direction, state.drawn, glint);
+            let event = next_event(self.scene, &state.ray, &mut state.medium);
+            let Event::Surface(arrival) = event else {
+                let found = escaped(self.scene, state.ray.direction, state.partner, glint);
                 out.add(state.class.part(), state.throughput * found);
                 scratch.counters.rare_glints += rare.get();
                 return;
             };
+            let Arrival { hit, passed_null_interface, .. } = arrival;
             if depth == 0 {
                 describe_first_hit(out, self.scene, &hit);
             }
-            if passed {
-                // Shadow rays end at every surface, also at one that is not there for this ray.
-                state.drawn = None;
+            if passed_null_interface {
+                state.partner = None;
             }
-            let medium = self.scene.medium(state.medium.medium());
-            if !medium.is_clear() {
-                state.throughput *= medium.transmittance(hit.distance);
-            }
-            let found = self.emitted(&hit, state.drawn, glint);
+            arrival.attenuate(&mut state.throughput);
+            let found = emitted(self.scene, &hit, state.partner, glint);
             out.add(state.class.part(), state.throughput * found);
             scratch.counters.rare_glints += rare.get();
             let shading = self.scene.shading_within(&hit, state.medium);

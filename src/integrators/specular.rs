@@ -1,6 +1,5 @@
 //! Specular reflection and refraction seen from the camera: the second integral of eq. (2), by recursion.
 
-use super::direct::Drawn;
 use super::glints::Chain;
 use crate::bsdf::{BsdfSample, Lobe};
 use crate::math::{Ray, Rgb};
@@ -8,6 +7,7 @@ use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 pub(super) use crate::sampling::chain_roulette;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
+use crate::transport::MisPartner;
 
 /// A path that has met only specular surfaces so far.
 #[derive(Clone, Copy, Debug)]
@@ -19,8 +19,8 @@ pub(super) struct Branch {
     pub depth: u32,
     /// Share of the camera sample that this branch carries: products of Fresnel terms where paths were split.
     pub share: f32,
-    /// Where a highly glossy lobe drew this ray and lights were sampled as well.
-    pub drawn: Option<Drawn>,
+    /// Where the ray was sampled from a highly glossy lobe and lights were sampled as well.
+    pub partner: Option<MisPartner>,
     /// Whether a highly glossy lobe drew this ray.
     pub is_glossy: bool,
     /// Tangent of the angle of the cone of directions that this ray stands for among those of the glossy lobe that drew it, or the one
@@ -43,7 +43,7 @@ impl Branch {
             medium,
             depth: 0,
             share: 1.0,
-            drawn: None,
+            partner: None,
             is_glossy: false,
             spread: 0.0,
             widened: false,
@@ -127,7 +127,7 @@ fn push_sample(
         medium,
         depth: parent.depth + 1,
         share: parent.share * share,
-        drawn: None,
+        partner: None,
         is_glossy: false,
         spread: parent.spread,
         widened: false,

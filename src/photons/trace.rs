@@ -8,6 +8,7 @@ use crate::math::{Frame, Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
+use crate::transport::attenuation;
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::{AddAssign, MulAssign};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -255,9 +256,8 @@ impl Flight {
         };
         tally.bounces += 1;
         let arriving = self.power;
-        let medium = pass.scene.medium(self.medium.medium());
-        if !(medium.is_clear() || self.from_infinity && self.depth == 0) {
-            self.power *= medium.transmittance(hit.t);
+        if !(self.from_infinity && self.depth == 0) {
+            self.power *= attenuation(pass.scene, &self.medium, hit.t);
         }
         let goes_on = match pass.scene.diffuse_hit(&self.ray, &hit) {
             Some(hit) => self.reflect(pass.settings.kind, &hit, photons),

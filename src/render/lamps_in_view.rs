@@ -12,6 +12,7 @@ use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::sampling::Rng;
 use crate::scene::Scene;
+use crate::transport::emission_along;
 use glam::{Vec2, Vec3};
 
 /// Rays beside that of a camera sample: the square of this number.
@@ -79,7 +80,7 @@ impl LampsInView {
             let other = sampler.sample(u.min(Vec2::splat(crate::sampling::ONE_MINUS_EPSILON)));
             let lens = camera.lens().map_or(Vec2::ZERO, |_| numbers.next_2d());
             let ray = CameraRay::new(camera, FilmPlace { offset: other.offset, ..place }, lens).ray;
-            sum += scene.emission_along(&ray, self.medium) * other.weight;
+            sum += emission_along(scene, &ray, self.medium) * other.weight;
         }
         sum / ((SIDE * SIDE + 1) as f32 * weight)
     }

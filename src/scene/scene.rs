@@ -152,18 +152,6 @@ impl Scene {
         sum
     }
 
-    /// Radiance of emitters alone along a ray of unit direction within `medium`: of the surface that it meets, or from outside.
-    pub fn emission_along(&self, ray: &Ray, mut medium: Surroundings) -> Rgb {
-        let Some((hit, _)) = self.intersect_within(ray, &mut medium) else {
-            return self.outside(ray.direction, |_, _| 1.0);
-        };
-        let Some(id) = self.surface(&hit).light else { return Rgb::ZERO };
-        let Light::Area(area) = &self.parts.lights[id as usize] else { return Rgb::ZERO };
-        let emitted = area.emitted(hit.is_front()) * hit.glow;
-        let medium = self.medium(medium.medium());
-        if medium.is_clear() { emitted } else { emitted * medium.transmittance(hit.distance) }
-    }
-
     /// Which lights get shadow rays.
     pub fn light_choice(&self) -> &LightChoice {
         &self.light_choice

@@ -6,6 +6,7 @@ use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::ONE_MINUS_EPSILON;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
+use crate::transport::{Event, next_event};
 use glam::Vec2;
 
 /// Surfaces that a chain may have to be followed again.
@@ -78,11 +79,9 @@ impl Chain {
         let (mut throughput, mut chance) = (Rgb::ONE, 1.0);
         let mut other = Self::default();
         while other.length < self.length {
-            let (hit, _) = scene.intersect_within(&ray, &mut medium)?;
-            let within = scene.medium(medium.medium());
-            if !within.is_clear() {
-                throughput *= within.transmittance(hit.distance);
-            }
+            let Event::Surface(arrival) = next_event(scene, &ray, &mut medium) else { return None };
+            arrival.attenuate(&mut throughput);
+            let hit = arrival.hit;
             let shading = scene.shading_within(&hit, medium);
             let transmission = (self.transmissions >> other.length) & 1 == 1;
             let reflected = shading.bsdf.reflection_probability(shading.wo_local);

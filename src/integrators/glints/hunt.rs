@@ -9,6 +9,7 @@ use crate::math::{Frame, Ray};
 use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
+use crate::transport::{Arrival, Event, next_event};
 use glam::{Mat2, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
@@ -214,9 +215,8 @@ impl<'a> Hunter<'a> {
                 let seen = Seen { camera: &ray, chain, ray: branch.ray };
                 found.extend(self.lamps.iter().filter_map(|lamp| self.hunt(lamp, &seen)));
             }
-            let Some((hit, _)) = self.scene.intersect_within(&branch.ray, &mut branch.medium) else {
-                continue;
-            };
+            let event = next_event(self.scene, &branch.ray, &mut branch.medium);
+            let Event::Surface(Arrival { hit, .. }) = event else { continue };
             if let Some(id) = self.scene.surface(&hit).light
                 && !chain.is_empty()
                 && self.certainty(&ray, chain, (id, &branch.ray), (of_pixel, 1.0)) < 1.0
@@ -353,9 +353,9 @@ impl<'a> Hunter<'a> {
 
     /// Whether the ray behind the chain really meets the lamp.
     fn meets(&self, lamp: &Lamp, mut end: ChainEnd) -> bool {
-        match self.scene.intersect_within(&end.ray, &mut end.medium) {
-            Some((hit, _)) => self.scene.surface(&hit).light == Some(lamp.id),
-            None => lamp.is_sun,
+        match next_event(self.scene, &end.ray, &mut end.medium) {
+            Event::Surface(arrival) => self.scene.surface(&arrival.hit).light == Some(lamp.id),
+            Event::Escape => lamp.is_sun,
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::{Rng, warp};
 use crate::scene::Scene;
+use crate::transport::emission_along;
 use glam::{IVec2, Vec2};
 
 /// Glints of one pixel that are drawn from: the strongest.
@@ -201,7 +202,7 @@ impl PixelGlints<'_> {
             }
             let ray = CameraRay::new(camera, place, lens).ray;
             let Some(end) = glint.chain.follow(scene, ray, medium) else { continue };
-            let found = scene.emission_along(&end.ray, end.medium);
+            let found = emission_along(scene, &end.ray, end.medium);
             if found == Rgb::ZERO {
                 continue;
             }

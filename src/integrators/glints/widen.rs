@@ -10,12 +10,12 @@
 use super::hunt::{Hunter, Lamp};
 use crate::bsdf::Lobe;
 use crate::integrators::Scratch;
-use crate::integrators::direct::receiver;
 use crate::integrators::specular::Branch;
 use crate::lights::LightId;
 use crate::math::{Frame, Ray, Rgb};
 use crate::sampling::{ONE_MINUS_EPSILON, SampleStream};
 use crate::scene::{Shading, SurfaceInteraction};
+use crate::transport::{Event, next_event, receiver, transmittance};
 use glam::Vec2;
 use std::f32::consts::{PI, TAU};
 
@@ -76,13 +76,9 @@ impl Hunter<'_> {
                 continue;
             }
             scratch.counters.shadow_rays += 1;
-            let ray = light.target.map_or_else(|| hit.spawn(light.wi), |target| hit.spawn_to(target));
-            if self.scene.occluded(&ray) {
+            let Some(transmittance) = transmittance(self.scene, hit, &light, &branch.medium) else {
                 continue;
-            }
-            let medium = self.scene.medium(branch.medium.medium());
-            let transmittance =
-                if medium.is_clear() { Rgb::ONE } else { medium.transmittance(light.distance) };
+            };
             sum += branch.throughput * transmittance * light.radiance_over_pdf / (TAU * versine);
         }
         sum
@@ -106,8 +102,9 @@ impl Hunter<'_> {
         let frame = Frame::from_z(before.ray.direction);
         let beside = frame.to_world((Vec2::from_angle(azimuth) * spread).extend(1.0)).normalize();
         let mut medium = before.medium;
-        let (other, _) =
-            self.scene.intersect_within(&Ray { direction: beside, ..before.ray }, &mut medium)?;
+        let ray = Ray { direction: beside, ..before.ray };
+        let Event::Surface(arrival) = next_event(self.scene, &ray, &mut medium) else { return None };
+        let other = arrival.hit;
         if other.surface != hit.surface {
             return None;
         }

@@ -194,7 +194,7 @@ impl PhotonMapIntegrator<'_> {
         let mut samples = SampleStream::new(mix(request.seed ^ Stream::IrradianceCache as u64), pixel, 0);
         let mut number = 0;
         let (scene, max_depth) = (self.scene, self.settings.max_depth);
-        let walk = Walk { scene, max_depth, glossy_samples: 1, lights: None };
+        let walk = Walk { scene, max_depth, glossy_samples: 1, samples_lights: false };
         walk_specular(walk, &EyeRay::alone(at(0.5)), self.camera_medium, &mut samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
                 if self.is_cached(vertex) {

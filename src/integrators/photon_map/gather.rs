@@ -2,16 +2,14 @@
 
 use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
-use crate::integrators::direct::{power_heuristic, receiver};
 use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
-use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
-use glam::Vec3;
+use crate::transport::{Arrival, Event, MisPartner, emitted, escaped, next_event, receiver};
 use std::f32::consts::FRAC_1_PI;
 
 /// Diffuse reflections after the first one for which surfaces close by are still computed accurately.
@@ -194,20 +192,29 @@ impl PhotonMapIntegrator<'_> {
         let own = u;
         for depth in 0..self.settings.max_depth {
             scratch.counters.depth_sum += 1;
-            let Some((hit, passed)) = self.scene.intersect_within(&ray, &mut medium) else {
-                if let (0, Some(pdf)) = (depth, direct_pdf) {
-                    found.direct = self.outside_by_bsdf(vertex, ray.direction, pdf);
+            // Lights were sampled where the ray starts.
+            let partner = || {
+                let pdf = direct_pdf.filter(|_| depth == 0)?;
+                Some(MisPartner { from: receiver(self.scene, vertex.hit), pdf })
+            };
+            let Event::Surface(arrival) = next_event(self.scene, &ray, &mut medium) else {
+                if let Some(partner) = partner() {
+                    found.direct = escaped(self.scene, ray.direction, Some(partner), |_| 1.0);
                 }
                 found.distance = f32::INFINITY;
                 return found;
             };
-            throughput *= self.transmittance(medium, hit.distance);
+            arrival.attenuate(&mut throughput);
+            let Arrival { hit, passed_null_interface, .. } = arrival;
             found.distance += hit.distance;
             if depth == 0 {
                 found.nearest = hit.distance;
-                // Behind a border that is not there, light comes as a caustic.
-                if let Some(pdf) = direct_pdf.filter(|_| !passed) {
-                    found.direct = throughput * self.emitted_by_bsdf(vertex, &hit, pdf);
+                // Behind a null interface, light comes as a caustic.
+                if !passed_null_interface
+                    && self.scene.surface(&hit).light.is_some()
+                    && let Some(partner) = partner()
+                {
+                    found.direct = throughput * emitted(self.scene, &hit, Some(partner), |_| 1.0);
                 }
                 if !start.indirect {
                     return found;
@@ -407,23 +414,6 @@ impl PhotonMapIntegrator<'_> {
         let query = self.settings.global_query(hit.point.position, hit.facing_normal());
         let what = (map, &query, &self.settings.global);
         reflected_estimate(self.scene, &self.settings, what, shading, scratch).value
-    }
-
-    /// Light of an emitter that a gather ray hit by chance, weighted against light sampling.
-    fn emitted_by_bsdf(&self, vertex: &Vertex<'_>, hit: &SurfaceInteraction, pdf: f32) -> Rgb {
-        let Some(id) = self.scene.surface(hit).light else { return Rgb::ZERO };
-        let Light::Area(area) = &self.scene.lights()[id as usize] else { return Rgb::ZERO };
-        let from = receiver(self.scene, vertex.hit);
-        let other = area.pdf_solid_angle(from, hit.primitive, hit.point.position)
-            * self.direct.choice_probability(&from, id);
-        area.emitted(hit.is_front()) * hit.glow * power_heuristic(pdf, other)
-    }
-
-    fn outside_by_bsdf(&self, vertex: &Vertex<'_>, direction: Vec3, pdf: f32) -> Rgb {
-        self.scene.outside(direction, |id, pdf_of_light| {
-            let choice = self.direct.choice_probability(&receiver(self.scene, vertex.hit), id);
-            power_heuristic(pdf, pdf_of_light() * choice)
-        })
     }
 }
 

@@ -3,15 +3,14 @@
 
 use super::PhotonMapIntegrator;
 use crate::bsdf::Lobe;
-use crate::integrators::direct::{DirectLighting, Drawn, receiver};
 use crate::integrators::glints::spread_of;
 use crate::integrators::specular::{Branch, SMALLEST_SHARE, SPLIT_DEPTH, chain_roulette};
-use crate::lights::{Light, LightId};
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::sampling::{ONE_MINUS_EPSILON, SampleStream};
 use crate::scene::{Scene, Shading, SurfaceInteraction};
-use glam::{Vec2, Vec3};
+use crate::transport::{MisPartner, receiver};
+use glam::Vec2;
 
 /// Least probability with which a path is continued: estimates of albedos may be too low.
 const LEAST_SURVIVAL: f32 = 0.05;
@@ -28,7 +27,7 @@ const FULL_WEIGHT: f32 = 0.25;
 pub(super) fn push_scattered(
     branches: &mut Vec<Branch>,
     parent: &Branch,
-    (scene, lights, glossy_samples): (&Scene, Option<&DirectLighting<'_>>, u32),
+    (scene, samples_lights, glossy_samples): (&Scene, bool, u32),
     hit: &SurfaceInteraction,
     shading: &Shading,
     samples: &mut SampleStream,
@@ -51,9 +50,8 @@ pub(super) fn push_scattered(
             depth: parent.depth + 1,
             share: parent.share * share,
             travelled: parent.travelled + hit.distance,
-            drawn: lights
-                .filter(|_| is_glossy)
-                .map(|_| Drawn { from: receiver(scene, hit), pdf: sample.pdf_solid_angle }),
+            partner: (samples_lights && is_glossy)
+                .then(|| MisPartner { from: receiver(scene, hit), pdf: sample.pdf_solid_angle }),
             is_glossy,
             spread: parent.spread.max(if is_glossy { spread_of(sample.pdf_solid_angle, count) } else { 0.0 }),
             widened: false,
@@ -98,37 +96,6 @@ fn choose(u: f32, glossy: f32, specular: f32) -> (Lobe, f32, f32) {
         (Lobe::Specular, specular, (u - probability) / (1.0 - probability))
     };
     (lobe, weight, rest.clamp(0.0, ONE_MINUS_EPSILON))
-}
-
-/// Light of an emitter that a followed ray meets at `hit`, weighted against light sampling where `drawn` says so, and by what
-/// `glint` says of the light.
-pub(super) fn emitted(
-    scene: &Scene,
-    lights: Option<&DirectLighting<'_>>,
-    drawn: Option<Drawn>,
-    hit: &SurfaceInteraction,
-    glint: impl FnOnce(LightId) -> f32,
-) -> Rgb {
-    let Some(id) = scene.surface(hit).light else { return Rgb::ZERO };
-    let Light::Area(area) = &scene.lights()[id as usize] else { return Rgb::ZERO };
-    let weight = lights.map_or(1.0, |lights| {
-        lights.weight(drawn, id, |from| area.pdf_solid_angle(from, hit.primitive, hit.point.position))
-    });
-    let found = area.emitted(hit.is_front()) * hit.glow * weight;
-    if found == Rgb::ZERO { found } else { found * glint(id) }
-}
-
-/// Light from outside along a followed ray that meets nothing, as [`emitted`].
-pub(super) fn outside(
-    scene: &Scene,
-    lights: Option<&DirectLighting<'_>>,
-    drawn: Option<Drawn>,
-    direction: Vec3,
-    glint: impl Fn(LightId) -> f32,
-) -> Rgb {
-    scene.outside(direction, |id, pdf| {
-        lights.map_or(1.0, |lights| lights.weight(drawn, id, |_| pdf())) * glint(id)
-    })
 }
 
 /// A gather ray that goes on.

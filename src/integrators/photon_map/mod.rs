@@ -332,11 +332,6 @@ impl<'a> PhotonMapIntegrator<'a> {
         Some(lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
-    fn transmittance(&self, medium: Surroundings, distance: f32) -> Rgb {
-        let medium = self.scene.medium(medium.medium());
-        if medium.is_clear() { Rgb::ONE } else { medium.transmittance(distance) }
-    }
-
     /// All integrals at a surface that is not ideal specular, but for what highly glossy lobes find by their own rays.
     fn shade(
         &self,
@@ -389,7 +384,7 @@ impl Integrator for PhotonMapIntegrator<'_> {
             scene: self.scene,
             max_depth: self.settings.max_depth,
             glossy_samples: self.settings.glossy_samples,
-            lights: Some(&self.direct),
+            samples_lights: true,
         };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, samples: &mut SampleStream, scratch: &mut Scratch| {

@@ -72,7 +72,7 @@ impl Integrator for ShowPhotons<'_> {
             scene: self.scene,
             max_depth: self.settings.max_depth,
             glossy_samples: self.settings.glossy_samples,
-            lights: None,
+            samples_lights: false,
         };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]

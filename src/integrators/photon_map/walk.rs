@@ -1,15 +1,15 @@
 //! From the camera over specular and highly glossy lobes to diffuse ones.
 
 use super::Vertex;
-use super::glossy::{emitted, outside, push_scattered};
+use super::glossy::push_scattered;
 use crate::film::{Aov, PixelSample};
-use crate::integrators::direct::DirectLighting;
 use crate::integrators::specular::{Branch, push_children};
 use crate::integrators::{EyeRay, Scratch, describe_first_hit};
 use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
+use crate::transport::{Arrival, Event, emitted, escaped, next_event};
 use std::cell::Cell;
 
 /// How a camera ray is followed.
@@ -20,8 +20,8 @@ pub(super) struct Walk<'a> {
     pub max_depth: u32,
     /// Distribution rays at the first highly glossy lobe of a camera sample.
     pub glossy_samples: u32,
-    /// What samples lights at highly glossy lobes, if that is done: emission found by their rays is weighted against it.
-    pub lights: Option<&'a DirectLighting<'a>>,
+    /// Whether lights are sampled at highly glossy lobes: emission found by their rays is weighted against that.
+    pub samples_lights: bool,
 }
 
 /// Follows a camera ray through specular and highly glossy lobes and calls `shade` at each surface that has another lobe,
@@ -35,7 +35,7 @@ pub(super) fn walk_specular<const N: usize>(
     scratch: &mut Scratch,
     shade: &mut impl FnMut(&Vertex<'_>, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); N],
 ) -> PixelSample {
-    let Walk { scene, max_depth, glossy_samples, lights } = walk;
+    let Walk { scene, max_depth, glossy_samples, samples_lights } = walk;
     let mut out = PixelSample::default();
     scratch.counters.camera_rays += 1;
     let mut branches = std::mem::take(&mut scratch.branches);
@@ -54,25 +54,23 @@ pub(super) fn walk_specular<const N: usize>(
             None if widened.get() && camera.has_widened(id, &ray) => 0.0,
             None => 1.0,
         };
-        let Some((hit, passed)) = scene.intersect_within(&branch.ray, &mut branch.medium) else {
-            let found = outside(scene, lights, branch.drawn, branch.ray.direction, glint);
+        let event = next_event(scene, &branch.ray, &mut branch.medium);
+        let Event::Surface(arrival) = event else {
+            let found = escaped(scene, branch.ray.direction, branch.partner, glint);
             out.add(part(Aov::Emission), branch.throughput * found);
             scratch.counters.rare_glints += rare.get();
             continue;
         };
+        let Arrival { hit, passed_null_interface, .. } = arrival;
         if first {
             describe_first_hit(&mut out, scene, &hit);
         }
-        if passed {
-            // Shadow rays end at every surface, also at one that is not there for this ray.
-            branch.drawn = None;
+        if passed_null_interface {
+            branch.partner = None;
             widened.set(false);
         }
-        let medium = scene.medium(branch.medium.medium());
-        if !medium.is_clear() {
-            branch.throughput *= medium.transmittance(hit.distance);
-        }
-        let found = emitted(scene, lights, branch.drawn, &hit, glint);
+        arrival.attenuate(&mut branch.throughput);
+        let found = emitted(scene, &hit, branch.partner, glint);
         out.add(part(Aov::Emission), branch.throughput * found);
         scratch.counters.rare_glints += rare.get();
         let shading = scene.shading_within(&hit, branch.medium);
@@ -86,7 +84,7 @@ pub(super) fn walk_specular<const N: usize>(
             } else if bsdf.is_delta() {
                 push_children(&mut branches, &branch, scene, &hit, &shading, samples);
             } else {
-                let how = (scene, lights, glossy_samples);
+                let how = (scene, samples_lights, glossy_samples);
                 push_scattered(&mut branches, &branch, how, &hit, &shading, samples);
             }
             for next in branches[before..].iter_mut().filter(|next| branch.spread > 0.0 && !next.is_glossy) {

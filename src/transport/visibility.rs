@@ -1,0 +1,42 @@
+//! How much of the light of a source arrives at a surface: what lies between, and what the medium absorbs.
+
+use crate::lights::LightSample;
+use crate::math::{Ray, Rgb};
+use crate::media::{Medium, Surroundings};
+use crate::scene::{Scene, SurfaceInteraction};
+
+/// The segment from a surface to a sampled point of a light, or the ray towards one that is infinitely far away.
+#[inline]
+pub fn shadow_ray(hit: &SurfaceInteraction, sample: &LightSample) -> Ray {
+    match sample.target {
+        Some(target) => hit.spawn_to(target),
+        None => hit.spawn(sample.wi),
+    }
+}
+
+/// Share of the radiance of a light sample that arrives at a surface through the bodies of `medium`; `None` where a surface is between,
+/// a transparent one as well: what comes through that is a caustic.
+#[inline]
+pub fn transmittance(
+    scene: &Scene,
+    hit: &SurfaceInteraction,
+    sample: &LightSample,
+    medium: &Surroundings,
+) -> Option<Rgb> {
+    if scene.occluded(&shadow_ray(hit, sample)) {
+        return None;
+    }
+    Some(attenuation(scene, medium, sample.distance))
+}
+
+/// Share of the radiance that is left after `distance` (render space) within the bodies of `medium`.
+#[inline]
+pub fn attenuation(scene: &Scene, medium: &Surroundings, distance: f32) -> Rgb {
+    attenuation_of(scene.medium(medium.medium()), distance).unwrap_or(Rgb::ONE)
+}
+
+/// `None` where the medium is clear.
+#[inline]
+pub(super) fn attenuation_of(medium: &Medium, distance: f32) -> Option<Rgb> {
+    (!medium.is_clear()).then(|| medium.transmittance(distance))
+}
