@@ -1,8 +1,27 @@
 //! What fills the space between surfaces.
+//!
+//! Two things are here. [`Medium`] and [`Surroundings`] are what the renderer uses: media that absorb, in bodies that may overlap. The rest
+//! is a library of media that scatter: [`Volume`] with its [`Coefficients`], [`Phase`] and [`density::Density`], which samples the places
+//! where light meets them. `docs/media.md` has the formulae; rendering does not use it yet.
 
+mod coefficients;
+pub mod density;
+mod distance;
+mod phase;
+mod presets;
 mod surroundings;
+mod tracking;
+#[cfg(test)]
+mod validation;
+mod volume;
 
+pub use coefficients::{CoefficientError, Coefficients};
+pub use distance::{DistanceSample, Distances, Equiangular, Exponential};
+pub use phase::{Lobe, Phase, PhaseError, PhaseSample};
+pub use presets::{NAMED_MEDIA, NamedMedium};
 pub use surroundings::{Crossing, MOST_MEDIA, Surroundings};
+pub use tracking::{End, Flight, Losses};
+pub use volume::Volume;
 
 use crate::math::Rgb;
 

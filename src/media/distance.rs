@@ -1,0 +1,389 @@
+//! Distances along a ray at which it meets light that a medium scatters: drawn where the light is, or where the ray gets to.
+//!
+//! After Kulla & Fajardo, "Importance Sampling Techniques for Path Tracing in Participating Media" (Eurographics Symposium on Rendering
+//! 2012). A light at a finite distance sends radiance that falls with the square of the distance: equiangular sampling follows that
+//! exactly. What reaches the eye falls exponentially: that is sampled by transmittance. [`Distances`] draws by one of both and divides by
+//! the density of both together, which is the balance heuristic for one sample (Veach 1997, section 9.2.4). All of it in `f64`, without
+//! differences of large numbers.
+
+use super::density::Line;
+use crate::math::Rgb;
+use glam::DVec3;
+
+/// A distance and the density with which it was drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DistanceSample {
+    /// Distance along the line.
+    pub t: f64,
+    /// Density per unit of length.
+    pub pdf: f64,
+}
+
+/// Distances on a part of a line in proportion to one over their squared distance to a point: equal angles, as seen from there.
+#[derive(Clone, Copy, Debug)]
+pub struct Equiangular {
+    /// Distance along the line of the place nearest to the point.
+    foot: f64,
+    /// Ends of the part, from that place.
+    near: f64,
+    far: f64,
+    /// Distance of the point from the line, and never less than a millionth of the part's extent: a light on the line has no density.
+    height: f64,
+    /// Angle under which the part is seen.
+    angle: f64,
+}
+
+/// Distances on a part of a line in proportion to the transmittance of a homogeneous medium up to them.
+#[derive(Clone, Copy, Debug)]
+pub struct Exponential {
+    start: f64,
+    length: f64,
+    /// Extinction coefficients, and with what probability each is used.
+    extinction: DVec3,
+    share: DVec3,
+}
+
+/// Distances by either way, with the density of both.
+#[derive(Clone, Copy, Debug)]
+pub struct Distances {
+    equiangular: Option<Equiangular>,
+    exponential: Exponential,
+}
+
+/// Least distance of a point from a line over the largest extent of the part.
+const LEAST_HEIGHT: f64 = 1e-6;
+
+impl Equiangular {
+    /// For a light at `point` and the part of `line` between the distances `t0` and `t1`; `None` where that is empty or endless, or the
+    /// point is not finite.
+    pub fn new(line: &Line, point: DVec3, (t0, t1): (f64, f64)) -> Option<Self> {
+        let offset = point - line.origin();
+        let foot = offset.dot(line.direction());
+        let (near, far) = (t0 - foot, t1 - foot);
+        let extent = near.abs().max(far.abs());
+        let height = (offset - line.direction() * foot).length().max(LEAST_HEIGHT * extent);
+        if !(t0 < t1 && height > 0.0 && (height * height).is_normal() && (extent * extent).is_finite()) {
+            return None;
+        }
+        // The difference of both angles, without their cancelling where both are near a quarter turn.
+        let angle = (height * (far - near)).atan2(height * height + near * far);
+        (angle > 0.0).then_some(Self { foot, near, far, height, angle })
+    }
+
+    /// The distance for a uniform variate in `[0, 1)`.
+    pub fn sample(&self, u: f64) -> DistanceSample {
+        let Self { near, far, height, angle, .. } = *self;
+        // Turned from the end that is farther from the foot, or in front of it from the nearer of both: no difference below cancels.
+        let from_near = far <= 0.0 || near < 0.0 && u < 0.5;
+        let along = if from_near {
+            let (sin, cos) = (angle * u).sin_cos();
+            height * (near * cos + height * sin) / (height * cos - near * sin)
+        } else {
+            let (sin, cos) = (angle * (1.0 - u)).sin_cos();
+            height * (far * cos - height * sin) / (height * cos + far * sin)
+        };
+        let along = along.clamp(near, far);
+        DistanceSample { t: self.foot + along, pdf: self.pdf_along(along) }
+    }
+
+    /// Density per unit of length at the distance `t`, which is within the part.
+    pub fn pdf(&self, t: f64) -> f64 {
+        // Whatever rounding says of its ends.
+        self.pdf_along((t - self.foot).clamp(self.near, self.far))
+    }
+
+    fn pdf_along(&self, along: f64) -> f64 {
+        self.height / (self.angle * (self.height * self.height + along * along))
+    }
+}
+
+impl Exponential {
+    /// For the part between `t0` and `t1` of a line through a medium with this extinction, per unit of its length, picking channels in
+    /// proportion to `throughput`. The part may be endless, where a channel that is picked loses something; else, and where it is empty,
+    /// `None`.
+    pub fn new(extinction: Rgb, throughput: Rgb, (t0, t1): (f64, f64)) -> Option<Self> {
+        let length = t1 - t0;
+        let extinction = extinction.as_dvec3();
+        let is_usable = |c: usize| {
+            throughput[c] > 0.0 && throughput[c].is_finite() && (length.is_finite() || extinction[c] > 0.0)
+        };
+        let weight =
+            DVec3::from_array([0, 1, 2].map(|c| if is_usable(c) { f64::from(throughput[c]) } else { 0.0 }));
+        let (weight, sum) = if weight.element_sum() > 0.0 {
+            (weight, weight.element_sum())
+        } else {
+            // Nothing is to be had; any density does.
+            let open = [0, 1, 2].map(|c| f64::from(u8::from(length.is_finite() || extinction[c] > 0.0)));
+            (DVec3::from_array(open), open.iter().sum())
+        };
+        let is_sound =
+            length > 0.0 && t0.is_finite() && extinction.is_finite() && extinction.min_element() >= 0.0;
+        (is_sound && sum > 0.0).then(|| Self { start: t0, length, extinction, share: weight / sum })
+    }
+
+    /// The distance for a uniform variate in `[0, 1)`.
+    pub fn sample(&self, u: f64) -> DistanceSample {
+        let (channel, u) = self.pick(u);
+        let sigma = self.extinction[channel];
+        // The share of the light that is lost over the whole part.
+        let lost = -(-sigma * self.length).exp_m1();
+        let along = if lost > 0.0 { -(-u * lost).ln_1p() / sigma } else { u * self.length };
+        // An endless part has no last place.
+        let along = along.clamp(0.0, self.length).min(f64::MAX);
+        DistanceSample { t: self.start + along, pdf: self.pdf_along(along) }
+    }
+
+    /// The channel for a variate, and the variate stretched over `[0, 1)` again.
+    fn pick(&self, u: f64) -> (usize, f64) {
+        let mut rest = u;
+        let mut last = (0, 0.0);
+        for channel in 0..3 {
+            let share = self.share[channel];
+            if share > 0.0 {
+                last = (channel, (rest / share).clamp(0.0, 1.0 - f64::EPSILON / 2.0));
+                if rest < share {
+                    break;
+                }
+                rest -= share;
+            }
+        }
+        last
+    }
+
+    /// Density per unit of length at the distance `t`, which is within the part.
+    pub fn pdf(&self, t: f64) -> f64 {
+        self.pdf_along((t - self.start).clamp(0.0, self.length))
+    }
+
+    fn pdf_along(&self, along: f64) -> f64 {
+        let channel = |c: usize| {
+            if self.share[c] == 0.0 {
+                return 0.0;
+            }
+            let sigma = self.extinction[c];
+            let lost = -(-sigma * self.length).exp_m1();
+            let density = if lost > 0.0 { sigma * (-sigma * along).exp() / lost } else { 1.0 / self.length };
+            self.share[c] * density
+        };
+        channel(0) + channel(1) + channel(2)
+    }
+}
+
+impl Distances {
+    /// For a light at `point`, if it has a place, and the part of `line` between the distances of `range`, in a medium with this extinction
+    /// per unit of length; channels are picked by `throughput`. `None` where the part is empty, or endless and clear.
+    ///
+    /// Where the density of the medium varies any extinction will do that is near its mean: what is drawn is weighted by what is there.
+    pub fn new(
+        line: &Line,
+        point: Option<DVec3>,
+        range: (f64, f64),
+        extinction: Rgb,
+        throughput: Rgb,
+    ) -> Option<Self> {
+        let exponential = Exponential::new(extinction, throughput, range)?;
+        let equiangular = point.and_then(|point| Equiangular::new(line, point, range));
+        Some(Self { equiangular, exponential })
+    }
+
+    /// The distance for two uniform variates in `[0, 1)`, of which the first chooses the way. Its density is that of both together.
+    pub fn sample(&self, way: f64, u: f64) -> DistanceSample {
+        match &self.equiangular {
+            None => self.exponential.sample(u),
+            Some(equiangular) => {
+                let drawn = if way < 0.5 { equiangular.sample(u) } else { self.exponential.sample(u) };
+                DistanceSample { t: drawn.t, pdf: self.pdf(drawn.t) }
+            }
+        }
+    }
+
+    /// Density per unit of length at the distance `t`, which is within the part.
+    pub fn pdf(&self, t: f64) -> f64 {
+        match &self.equiangular {
+            None => self.exponential.pdf(t),
+            Some(equiangular) => 0.5 * (equiangular.pdf(t) + self.exponential.pdf(t)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Rng, Stream};
+
+    fn line() -> Line {
+        Line::new(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.3, -0.5, 0.8)).unwrap()
+    }
+
+    /// A point at `height` from the line whose foot is at `foot`.
+    fn beside(line: &Line, foot: f64, height: f64) -> DVec3 {
+        line.at(foot) + line.direction().any_orthonormal_vector() * height
+    }
+
+    /// Checks the density against its samples: quantiles of the distribution function, by quadrature between neighbouring ones.
+    fn check(
+        sample: impl Fn(f64) -> DistanceSample,
+        pdf: impl Fn(f64) -> f64,
+        range: (f64, f64),
+        what: &str,
+    ) {
+        // Where nearly all is lost, up to the last quantile that can be told.
+        let (parts, last) = (64, 0.999);
+        let mut before: Option<(f64, f64)> = None;
+        for i in 0..=parts {
+            let u = (f64::from(i) / f64::from(parts)).min(last);
+            let drawn = sample(u);
+            assert!(drawn.t >= range.0 && drawn.t <= range.1, "{what}: {drawn:?} outside of {range:?}");
+            assert!(drawn.pdf.is_finite() && drawn.pdf > 0.0, "{what}: {drawn:?}");
+            assert!((drawn.pdf / pdf(drawn.t) - 1.0).abs() < 1e-5, "{what}: {drawn:?} {}", pdf(drawn.t));
+            if let Some((before, since)) = before {
+                // Gauss with five points on halves: densities here change little between quantiles.
+                let nodes = [
+                    (0.0, 128.0 / 225.0),
+                    (0.538_469_310_105_683, 0.478_628_670_499_366),
+                    (0.906_179_845_938_664, 0.236_926_885_056_189),
+                ];
+                let pieces = 1024;
+                let width = (drawn.t - before) / f64::from(pieces);
+                let mut sum = 0.0;
+                for piece in 0..pieces {
+                    let middle = before + (f64::from(piece) + 0.5) * width;
+                    for (x, weight) in nodes {
+                        let both = if x == 0.0 {
+                            pdf(middle)
+                        } else {
+                            pdf(middle + 0.5 * width * x) + pdf(middle - 0.5 * width * x)
+                        };
+                        sum += 0.5 * width * weight * both;
+                    }
+                }
+                let expected = u - since;
+                // Distances far from the origin have lost digits of their own.
+                let lost = 4.0 * f64::EPSILON * drawn.t.abs() * pdf(drawn.t).max(pdf(before));
+                assert!((sum - expected).abs() < 1e-5 * expected + lost, "{what}: {sum} up to quantile {u}");
+            }
+            before = Some((drawn.t, u));
+        }
+    }
+
+    #[test]
+    fn equal_angles_follow_their_density() {
+        let line = line();
+        for height in [1e-3, 0.1, 1.0, 30.0] {
+            for (foot, range) in [
+                (5.0, (0.0, 10.0)),
+                (-3.0, (0.0, 10.0)),
+                (13.0, (0.0, 10.0)),
+                (0.0, (0.0, 2.0)),
+                (1.0, (0.999, 1.5)),
+            ] {
+                let point = beside(&line, foot, height);
+                let equiangular = Equiangular::new(&line, point, range).unwrap();
+                check(
+                    |u| equiangular.sample(u),
+                    |t| equiangular.pdf(t),
+                    range,
+                    &format!("{height} {foot} {range:?}"),
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_light_on_the_line_is_no_end() {
+        let line = line();
+        for (foot, range) in [
+            (5.0, (0.0, 10.0)),
+            (0.0, (0.0, 10.0)),
+            (-1.0, (0.0, 10.0)),
+            (11.0, (0.0, 10.0)),
+            (5.0, (4.0, 1e6)),
+            (1e6, (0.0, 1.0)),
+        ] {
+            let equiangular = Equiangular::new(&line, line.at(foot), range).unwrap();
+            let mut rng = Rng::new(1, Stream::Measure, 41);
+            for u in [0.0, 0.5, 1.0 - f64::EPSILON / 2.0].into_iter().chain((0..1000).map(|_| rng.next_f64()))
+            {
+                let drawn = equiangular.sample(u);
+                assert!(
+                    drawn.t >= range.0 - 1e-9 && drawn.t <= range.1 + 1e-9,
+                    "{foot} {range:?} {u}: {drawn:?}"
+                );
+                assert!(drawn.pdf.is_finite() && drawn.pdf > 0.0, "{foot} {range:?} {u}: {drawn:?}");
+            }
+        }
+        for range in [(1.0, 1.0), (2.0, 1.0), (0.0, f64::INFINITY), (0.0, f64::NAN)] {
+            assert!(Equiangular::new(&line, DVec3::ZERO, range).is_none());
+        }
+        assert!(Equiangular::new(&line, DVec3::NAN, (0.0, 1.0)).is_none());
+        assert!(Equiangular::new(&line, DVec3::splat(1e300), (0.0, 1.0)).is_none());
+    }
+
+    #[test]
+    fn transmittance_is_followed_from_thin_to_thick() {
+        for tau in [0.0, 1e-300, 1e-12, 1e-6, 1e-3, 1.0, 10.0, 1e3, 1e6] {
+            let extinction = Rgb::splat((tau / 4.0) as f32);
+            let range = (1.0, 5.0);
+            let one = Exponential::new(extinction, Rgb::Y, range).unwrap();
+            check(|u| one.sample(u), |t| one.pdf(t), range, &format!("{tau}"));
+        }
+    }
+
+    #[test]
+    fn channels_are_mixed_by_throughput() {
+        let extinction = Rgb::new(0.01, 1.0, 100.0);
+        let mixed = Exponential::new(extinction, Rgb::new(1.0, 2.0, 0.0), (0.0, 2.0)).unwrap();
+        let steps = 200_000;
+        let width = 2.0 / f64::from(steps);
+        let whole: f64 = (0..steps).map(|i| mixed.pdf((f64::from(i) + 0.5) * width) * width).sum();
+        assert!((whole - 1.0).abs() < 1e-6, "{whole}");
+        let mut rng = Rng::new(1, Stream::Measure, 42);
+        let (count, mut sum) = (200_000, 0.0);
+        for _ in 0..count {
+            sum += mixed.sample(rng.next_f64()).t;
+        }
+        let mean = |s: f64| 1.0 / s - 2.0 * (-2.0 * s).exp() / -(-2.0 * s).exp_m1();
+        let expected = mean(f64::from(0.01f32)) / 3.0 + mean(1.0) * 2.0 / 3.0;
+        assert!((sum / f64::from(count) - expected).abs() < 4.5 / f64::from(count).sqrt(), "{sum}");
+        // Endless parts: only channels that lose something can be picked.
+        let endless = Exponential::new(Rgb::new(0.0, 2.0, 0.0), Rgb::ONE, (1.0, f64::INFINITY)).unwrap();
+        let drawn = endless.sample(0.5);
+        assert!(
+            (drawn.t - (1.0 + 0.5 * 2f64.ln())).abs() < 1e-12 && (drawn.pdf - 1.0).abs() < 1e-12,
+            "{drawn:?}"
+        );
+        assert!(endless.sample(1.0 - f64::EPSILON / 2.0).t.is_finite());
+        assert!(Exponential::new(Rgb::ZERO, Rgb::ONE, (0.0, f64::INFINITY)).is_none());
+        for throughput in [Rgb::ZERO, Rgb::NAN, Rgb::NEG_ONE, Rgb::INFINITY] {
+            let any = Exponential::new(extinction, throughput, (0.0, 1.0)).unwrap();
+            assert!(any.sample(0.7).pdf > 0.0 && any.sample(0.7).pdf.is_finite());
+        }
+        for range in [(0.0, 0.0), (1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::NAN)] {
+            assert!(Exponential::new(extinction, Rgb::ONE, range).is_none());
+        }
+    }
+
+    #[test]
+    fn both_ways_share_one_density() {
+        let line = line();
+        let both =
+            Distances::new(&line, Some(beside(&line, 2.0, 0.01)), (0.0, 6.0), Rgb::splat(1.0), Rgb::ONE)
+                .unwrap();
+        // The mean of 1/pdf is the length.
+        let mut rng = Rng::new(1, Stream::Measure, 43);
+        let (count, mut sum, mut squares) = (400_000, 0.0, 0.0);
+        for _ in 0..count {
+            let drawn = both.sample(rng.next_f64(), rng.next_f64());
+            assert_eq!(drawn.pdf, both.pdf(drawn.t));
+            sum += 1.0 / drawn.pdf;
+            squares += 1.0 / drawn.pdf / drawn.pdf;
+        }
+        let mean = sum / f64::from(count);
+        let error = ((squares / f64::from(count) - mean * mean) / f64::from(count)).sqrt();
+        assert!((mean - 6.0).abs() < 4.5 * error, "{mean} +- {error}");
+        // Lights at infinity have no place.
+        let far = Distances::new(&line, None, (0.0, 6.0), Rgb::splat(1.0), Rgb::ONE).unwrap();
+        assert_eq!(far.sample(0.1, 0.3), far.sample(0.9, 0.3));
+        assert!(Distances::new(&line, None, (0.0, 0.0), Rgb::ONE, Rgb::ONE).is_none());
+    }
+}
