@@ -58,6 +58,9 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         }
         let Loaded { description, built, estimate, .. } = loaded?;
         let settings = Settings::from(&args.settings.over(&description.render));
+        if let Some(medium) = built.scene.media().iter().find(|medium| medium.volume.is_some()) {
+            bail!("the medium `{}` scatters light: photon maps hold no light in media", medium.name);
+        }
         // Without a limit, what is free decides before photons are traced.
         if let Some(limit) = args.scene.memory_limit {
             estimate.with_photons(&settings, &settings.plan(&built.scene), &built.scene).check(Some(limit))?;

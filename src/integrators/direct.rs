@@ -3,13 +3,15 @@
 use super::{Directions, Scratch};
 use crate::bsdf::Lobe;
 use crate::lights::{LightId, Receiver};
-use crate::math::Rgb;
+use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, SurfaceInteraction};
-use crate::transport::{attenuation, power_heuristic, receiver, transmittance};
-use glam::Vec2;
+use crate::transport::{
+    Collision, attenuation, power_heuristic, receiver, transmittance, transmittance_in_media,
+};
+use glam::{Vec2, Vec3};
 use std::ops::AddAssign;
 
 /// What a surface reflects or transmits of the light that arrives straight from emitters, by lobe.
@@ -94,6 +96,55 @@ impl<'a> DirectLighting<'a> {
         }
         let count = self.samples as f32;
         Reflected { diffuse: sum.diffuse / count, glossy: sum.glossy / count }
+    }
+
+    /// Radiance towards `wo` of the light that arrives straight from emitters at a place where a medium scatters it: one sample for each
+    /// light, weighted against sampling of the phase function. Albedo is not contained.
+    pub fn scattered(
+        &self,
+        at: &Collision,
+        wo: Vec3,
+        medium: Surroundings,
+        samples: &mut SampleStream,
+        scratch: &mut Scratch,
+    ) -> Rgb {
+        let from = Receiver { position: at.position, normal: Vec3::ZERO };
+        let mut sum = Rgb::ZERO;
+        if self.scene.light_power().is_none() {
+            return sum;
+        }
+        let mut add = |index: LightId, probability: f32, u: Vec2| {
+            let light = &self.scene.lights()[index as usize];
+            let Some(sample) = light.sample_li(from, u) else { return };
+            let phase = at.phase.eval(wo, sample.wi);
+            if !(phase > 0.0) {
+                return;
+            }
+            scratch.counters.shadow_rays += 1;
+            let ray = match sample.target {
+                Some(target) => Ray::segment(at.position, target),
+                None => Ray::new(at.position, sample.wi),
+            };
+            let Some(transmittance) = transmittance_in_media(self.scene, &ray, medium) else { return };
+            let weight = if light.is_delta() {
+                1.0
+            } else {
+                power_heuristic(sample.pdf_solid_angle * probability, phase)
+            };
+            sum += sample.radiance_over_pdf * transmittance * (phase * weight / probability);
+        };
+        let choice = self.scene.light_choice();
+        for &light in choice.each() {
+            add(light, 1.0, samples.next_2d());
+        }
+        for group in choice.groups() {
+            let choices = refined(samples.next_2d());
+            let u = samples.next_2d();
+            if let Some((light, probability)) = group.sample(&from, choices) {
+                add(light, probability, u);
+            }
+        }
+        sum
     }
 
     /// One shadow ray, weighted against BSDF sampling where that is done too. `choice` holds the probability with which

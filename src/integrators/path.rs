@@ -8,12 +8,17 @@ use super::specular::chain_roulette;
 use super::{Directions, EyeRay, Integrator, Irradiance, Receiver, Scratch, describe_first_hit};
 use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
+use crate::lights::Receiver as LightReceiver;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
-use crate::transport::{Arrival, Event, MisPartner, emitted, escaped, next_event, receiver};
+use crate::transport::{
+    Arrival, Collision, Event, MisPartner, emitted, escaped, first_surface, next_event, next_event_in_media,
+    receiver,
+};
+use glam::Vec3;
 use std::cell::Cell;
 
 /// Surfaces after which roulette may end a path.
@@ -144,15 +149,8 @@ impl PathTracer<'_> {
             let by_bsdf = shading.pdf_solid_angle(Lobe::Diffuse, sample.wi);
             state.guidance *= by_bsdf / sample.pdf_solid_angle;
         }
-        let brightest = state.throughput.max_element() / state.guidance;
-        if !(brightest > 0.0) {
+        if !survives(state, depth, samples) {
             return false;
-        }
-        if depth >= ROULETTE_DEPTH && brightest < 1.0 {
-            if samples.next_1d() >= brightest {
-                return false;
-            }
-            state.throughput /= brightest;
         }
         state.partner = (sample.lobe != Lobe::Specular)
             .then_some(MisPartner { from: receiver(self.scene, hit), pdf: sample.pdf_solid_angle });
@@ -166,7 +164,70 @@ impl PathTracer<'_> {
     }
 }
 
+/// Plays Russian roulette by the brightest channel; `false` where the path ends.
+fn survives(state: &mut State<'_>, depth: u32, samples: &mut SampleStream) -> bool {
+    let brightest = state.throughput.max_element() / state.guidance;
+    if !(brightest > 0.0) {
+        return false;
+    }
+    if depth >= ROULETTE_DEPTH && brightest < 1.0 {
+        if samples.next_1d() >= brightest {
+            return false;
+        }
+        state.throughput /= brightest;
+    }
+    true
+}
+
 impl PathTracer<'_> {
+    /// The event in which the ray of a path ends, with what media take from the path on the way and add to it.
+    fn next_event(
+        &self,
+        state: &mut State<'_>,
+        depth: u32,
+        samples: &mut SampleStream,
+        out: &mut PixelSample,
+    ) -> Event {
+        if !self.scene.scatters() {
+            return next_event(self.scene, &state.ray, &mut state.medium);
+        }
+        if depth == 0
+            && let Some(hit) = first_surface(self.scene, &state.ray, state.medium)
+        {
+            describe_first_hit(out, self.scene, &hit);
+        }
+        let u = samples.next_1d();
+        let passage = next_event_in_media(self.scene, &state.ray, &mut state.medium, state.throughput, u);
+        out.add(state.class.part(), state.throughput * passage.emitted);
+        state.throughput *= passage.weight;
+        passage.event
+    }
+
+    /// Goes on from where a medium scatters, which is a diffuse reflection on no surface; `false` where the path ends.
+    fn scatter_in_medium(
+        &self,
+        state: &mut State<'_>,
+        collision: &Collision,
+        depth: u32,
+        samples: &mut SampleStream,
+        (scratch, out): (&mut Scratch, &mut PixelSample),
+    ) -> bool {
+        let wo = -state.ray.direction;
+        let direct = self.direct.scattered(collision, wo, state.medium, samples, scratch);
+        state.class = state.class.after(Lobe::Diffuse);
+        out.add(state.class.part(), state.throughput * direct);
+        state.chain = 0;
+        state.seen = None;
+        if !survives(state, depth, samples) {
+            return false;
+        }
+        let sample = collision.phase.sample(wo, samples.next_2d());
+        let from = LightReceiver { position: collision.position, normal: Vec3::ZERO };
+        state.partner = Some(MisPartner { from, pdf: sample.pdf });
+        state.ray = Ray::new(collision.position, sample.wi);
+        true
+    }
+
     /// Follows a path from its ray on, which leaves surface number `first` from the camera; what it finds is added to `out`.
     fn follow(
         &self,
@@ -181,15 +242,23 @@ impl PathTracer<'_> {
             scratch.counters.path_rays += u64::from(depth > 0);
             let (seen, ray, rare) = (state.seen, state.ray, Cell::new(0));
             let glint = |id| seen.map_or(1.0, |(eye, chain)| eye.lamp_weight(&chain, id, &ray, &rare));
-            let event = next_event(self.scene, &state.ray, &mut state.medium);
-            let Event::Surface(arrival) = event else {
-                let found = escaped(self.scene, state.ray.direction, state.partner, glint);
-                out.add(state.class.part(), state.throughput * found);
-                scratch.counters.rare_glints += rare.get();
-                return;
+            let arrival = match self.next_event(&mut state, depth, samples, out) {
+                Event::Surface(arrival) => arrival,
+                Event::Medium(collision) => {
+                    if !self.scatter_in_medium(&mut state, &collision, depth, samples, (scratch, out)) {
+                        return;
+                    }
+                    continue;
+                }
+                Event::Escape => {
+                    let found = escaped(self.scene, state.ray.direction, state.partner, glint);
+                    out.add(state.class.part(), state.throughput * found);
+                    scratch.counters.rare_glints += rare.get();
+                    return;
+                }
             };
             let Arrival { hit, passed_null_interface, .. } = arrival;
-            if depth == 0 {
+            if depth == 0 && !self.scene.scatters() {
                 describe_first_hit(out, self.scene, &hit);
             }
             if passed_null_interface {

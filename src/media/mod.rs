@@ -1,8 +1,7 @@
 //! What fills the space between surfaces.
 //!
-//! Two things are here. [`Medium`] and [`Surroundings`] are what the renderer uses: media that absorb, in bodies that may overlap. The rest
-//! is a library of media that scatter: [`Volume`] with its [`Coefficients`], [`Phase`] and [`density::Density`], which samples the places
-//! where light meets them. `docs/media.md` has the formulae; rendering does not use it yet.
+//! [`Medium`] and [`Surroundings`] are media in bodies that may overlap. [`Volume`] with its [`Coefficients`], [`Phase`] and
+//! [`density::Density`] is what scatters in one, and samples the places where light meets it. `docs/media.md` has the formulae.
 
 mod coefficients;
 pub mod density;
@@ -24,6 +23,7 @@ pub use tracking::{End, Flight, Losses};
 pub use volume::Volume;
 
 use crate::math::Rgb;
+use std::sync::Arc;
 
 /// Index of a medium in its scene; 0 is air. Rays carry many of them, so they are small.
 pub type MediumId = u16;
@@ -34,15 +34,17 @@ pub const MOST_MEDIA_OF_SCENE: usize = MediumId::MAX as usize + 1;
 /// The medium that fills space where nothing else is said.
 pub const AIR: MediumId = 0;
 
-/// A homogeneous medium that absorbs and does not scatter.
-#[derive(Clone, Debug, PartialEq)]
+/// What fills a body.
+#[derive(Clone, Debug)]
 pub struct Medium {
     /// Name in the scene file.
     pub name: String,
     /// Index of refraction.
     pub ior: f32,
-    /// Absorption coefficient, per unit of render space.
+    /// Absorption coefficient, per unit of render space; zero where there is a `volume`, which has its own.
     pub absorption: Rgb,
+    /// What scatters, absorbs and emits light in it; `None` where nothing scatters.
+    pub volume: Option<Arc<Volume>>,
     /// Where bodies overlap, that of the least rank fills the place. No two media have the same.
     pub rank: u32,
 }
@@ -55,7 +57,7 @@ impl Medium {
         Rgb::new((-depth.x).exp(), (-depth.y).exp(), (-depth.z).exp())
     }
 
-    /// True where light passes unchanged.
+    /// True where nothing is absorbed; a `volume` is not asked.
     #[inline]
     pub fn is_clear(&self) -> bool {
         self.absorption == Rgb::ZERO
@@ -68,7 +70,13 @@ mod tests {
 
     #[test]
     fn transmittance_over_the_range_of_optical_depth() {
-        let medium = |sigma| Medium { name: String::new(), ior: 1.0, absorption: Rgb::splat(sigma), rank: 0 };
+        let medium = |sigma| Medium {
+            name: String::new(),
+            ior: 1.0,
+            absorption: Rgb::splat(sigma),
+            volume: None,
+            rank: 0,
+        };
         for tau in [0.0f64, 1e-6, 0.1, 1.0, 10.0, 80.0] {
             let t = f64::from(medium(tau as f32).transmittance(1.0).x);
             assert!((t / (-f64::from(tau as f32)).exp() - 1.0).abs() < 1e-6, "{tau}: {t}");

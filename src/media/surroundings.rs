@@ -174,7 +174,8 @@ mod tests {
 
     /// Air, then media of these ranks.
     fn media(ranks: &[u32]) -> Vec<Medium> {
-        let medium = |rank| Medium { name: String::new(), ior: 1.0, absorption: Rgb::ZERO, rank };
+        let medium =
+            |rank| Medium { name: String::new(), ior: 1.0, absorption: Rgb::ZERO, volume: None, rank };
         std::iter::once(u32::MAX).chain(ranks.iter().copied()).map(medium).collect()
     }
 

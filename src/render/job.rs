@@ -24,7 +24,7 @@ use crate::integrators::{
 use crate::math::Rgb;
 use crate::media::Surroundings;
 use crate::sampling::{Rng, SampleStream, Stream};
-use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
+use crate::scene::{Geometry, GuideKind, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -89,6 +89,11 @@ pub enum RenderError {
         "only --integrator progressive knows its error while it renders: choose it, or leave --target-error out"
     )]
     TargetWithoutRounds,
+    /// Photons in media that scatter.
+    #[error(
+        "the medium `{0}` scatters light, which --integrator path alone renders (without --guide photons): photon maps hold no light in media"
+    )]
+    Scattering(String),
     /// A render that cannot be gone on with.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
@@ -116,6 +121,15 @@ pub fn render(
     render_with_maps(scene, camera, request, None, observer)
 }
 
+/// Refuses photons where media scatter.
+pub(super) fn check_media(scene: &Scene, settings: &Settings) -> Result<(), RenderError> {
+    let is_path = settings.integrator == IntegratorKind::Path && settings.guide == GuideKind::None;
+    match scene.media().iter().find(|medium| medium.volume.is_some()) {
+        Some(medium) if !is_path => Err(RenderError::Scattering(medium.name.clone())),
+        _ => Ok(()),
+    }
+}
+
 /// [`render`], with the photons of `saved`, which must have been checked to be those of this scene and these settings
 /// ([`SavedMaps::check`]), in place of traced ones: the same picture to the bit, but
 /// for scenes whose photons would be shared out by what the camera sees ([`RenderPlan::photon_budget`]). A file is not made for
@@ -134,6 +148,7 @@ pub fn render_with_maps(
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
     }
+    check_media(scene, settings)?;
     if settings.integrator == IntegratorKind::Progressive {
         return super::progressive::render_in_rounds(
             scene,
@@ -356,6 +371,8 @@ impl PassTwo<'_> {
         let Self { scene, settings, .. } = *self;
         let lamps = match settings.integrator {
             IntegratorKind::Photons => LampsInView::default(),
+            // Rays of their own would not see what a medium hides.
+            _ if scene.scatters() => LampsInView::default(),
             _ => LampsInView::new(scene, self.camera, medium, self.request),
         };
         PixelPass {

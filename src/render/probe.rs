@@ -2,6 +2,7 @@
 
 use super::RenderError;
 use super::batches::mean_of_batches;
+use super::job::check_media;
 use super::maps::{ForPicture, build_maps_from, listed};
 use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
@@ -204,6 +205,9 @@ pub fn probe(
         precomputed_irradiance: request.settings.precomputed_irradiance && asks(ProbeEstimator::Gather),
         ..request.settings.clone()
     };
+    if request.estimators.iter().any(|&estimator| estimator != ProbeEstimator::Path) {
+        check_media(scene, &settings)?;
+    }
     let landings: Vec<Option<Landing>> =
         request.points.iter().map(|point| land(scene, point, request.lift)).collect();
     let mut receivers: Vec<u32> = landings.iter().flatten().map(|landing| landing.hit.surface).collect();

@@ -28,6 +28,8 @@ pub enum Stream {
     Glints = 21,
     /// Shadow rays from points where irradiance is precomputed.
     DirectAtPoints = 22,
+    /// Collisions in media along a ray.
+    Media = 23,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

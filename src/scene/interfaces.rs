@@ -1,5 +1,6 @@
 //! The medium stack at surfaces: which interface a ray meets within the bodies around it, and where it is behind that.
 
+use super::material::Material;
 use super::scene::{LightMedia, Scene};
 use super::shading::Shading;
 use super::surface::SurfaceInteraction;
@@ -90,6 +91,19 @@ impl Scene {
     pub fn hidden(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Surroundings> {
         let [near, far] = self.sides(&current, hit)?;
         if near != far {
+            return None;
+        }
+        self.crossing(current, hit).map(|crossing| crossing.after)
+    }
+
+    /// Where a ray is behind an interface that is no surface: one that [`Self::hidden`] tells, or a smooth one between media of one index of
+    /// which one scatters, as the border of a fog. `None` for all other surfaces.
+    pub fn null_interface(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Surroundings> {
+        let [near, far] = self.sides(&current, hit)?;
+        let [a, b] = [near, far].map(|id| self.medium(id));
+        let is_matched = a.ior == b.ior && (a.volume.is_some() || b.volume.is_some());
+        let is_smooth = matches!(self.material(hit), Material::Dielectric { .. });
+        if near != far && !(is_matched && is_smooth) {
             return None;
         }
         self.crossing(current, hit).map(|crossing| crossing.after)

@@ -283,6 +283,10 @@ impl RenderPlan {
         let facts = Facts::of(scene);
         let lamps =
             scene.lights().iter().filter(|light| matches!(light, Light::Area(_) | Light::Sun(_))).count();
+        if scene.scatters() {
+            self.glints = Decision::no("media scatter, which chains of specular surfaces do not know");
+            return self;
+        }
         self.glints = match integrator {
             IntegratorKind::Photons => Decision::no("the map is shown directly"),
             _ if !wanted => return self,

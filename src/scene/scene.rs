@@ -38,6 +38,8 @@ pub struct Scene {
     pub(super) misfits: Misfits,
     /// Whether any material bounds a medium.
     pub(super) has_interfaces: bool,
+    /// Whether any medium scatters.
+    scatters: bool,
     /// By light, the bodies in front of it and behind it; found when first asked for.
     pub(super) light_media: OnceLock<Vec<LightMedia>>,
 }
@@ -72,8 +74,15 @@ impl Scene {
             light.is_at_infinity() && !light.is_delta()
         };
         let open = (0..parts.lights.len() as LightId).filter(is_open).collect();
-        let casters = parts.targets.iter().filter(|target| target.density > 0.0).copied().collect();
+        // What bends no light casts no caustics.
+        let is_null = |target: &Target| {
+            let surface = &parts.surfaces[target.surface as usize];
+            surface.all_materials().all(|material| is_null_border(&parts, material))
+        };
+        let is_caster = |target: &&Target| target.density > 0.0 && !is_null(target);
+        let casters = parts.targets.iter().filter(is_caster).copied().collect();
         let has_interfaces = parts.materials.iter().any(|(_, material)| material.media().is_some());
+        let scatters = parts.media.iter().any(|medium| medium.volume.is_some());
         let (light_media, overfull) = (OnceLock::new(), Mutex::default());
         let misfits = Misfits::of(if has_interfaces { parts.surfaces.len() } else { 0 });
         Self {
@@ -86,6 +95,7 @@ impl Scene {
             overfull,
             misfits,
             has_interfaces,
+            scatters,
             light_media,
         }
     }
@@ -125,6 +135,12 @@ impl Scene {
     /// Media; index 0 is air.
     pub fn media(&self) -> &[Medium] {
         &self.parts.media
+    }
+
+    /// Whether any medium of the scene scatters or emits light.
+    #[inline]
+    pub fn scatters(&self) -> bool {
+        self.scatters
     }
 
     /// A medium.
@@ -445,6 +461,15 @@ impl Scene {
         }
         self.general_interaction(ray, hit, false).facing_normal()
     }
+}
+
+/// Whether a material is the border of a medium that scatters, to one of the same index: no surface.
+fn is_null_border(parts: &SceneParts, material: u32) -> bool {
+    let Material::Dielectric { inside, outside, .. } = parts.materials[material as usize].1 else {
+        return false;
+    };
+    let [a, b] = [inside, outside].map(|id| &parts.media[usize::from(id)]);
+    a.ior == b.ior && (a.volume.is_some() || b.volume.is_some())
 }
 
 #[inline(always)]

@@ -7,6 +7,7 @@ use super::room::Choice;
 use crate::bsdf::Bsdf;
 use crate::film::PixelRect;
 use crate::math::{Bounds3, Rgb};
+use crate::media::{Coefficients, Phase};
 use crate::render::Overrides;
 use crate::scene::{IlluminationKernel, LayeredMaterial, Tangent};
 use crate::shapes::{Csg, TerrainNoise};
@@ -190,15 +191,26 @@ pub struct FilmDescription {
     pub crop: Option<PixelRect>,
 }
 
-/// A homogeneous medium.
+/// What fills a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MediumDescription {
     /// Index of refraction, at least 1.
     pub ior: f64,
     /// Absorption coefficient per channel, 1/m.
     pub absorption: DVec3,
+    /// What scatters, absorbs and emits light in it; the absorption above is then zero.
+    pub volume: Option<VolumeDescription>,
     /// Where bodies overlap, the medium of the highest priority fills the place; of equals that of the smallest body.
     pub priority: i32,
+}
+
+/// What scatters light within a medium.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VolumeDescription {
+    /// Coefficients, per metre.
+    pub coefficients: Coefficients,
+    /// Phase function.
+    pub phase: Phase,
 }
 
 /// A surface model.

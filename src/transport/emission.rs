@@ -83,6 +83,7 @@ pub fn escaped(
 /// Radiance of emitters alone along a ray of unit direction that starts within the bodies of `medium`.
 pub fn emission_along(scene: &Scene, ray: &Ray, mut medium: Surroundings) -> Rgb {
     match next_event(scene, ray, &mut medium) {
+        Event::Medium(_) => Rgb::ZERO,
         Event::Escape => escaped(scene, ray.direction, None, |_| 1.0),
         Event::Surface(arrival) => {
             let mut emitted = emitted(scene, &arrival.hit, None, |_| 1.0);

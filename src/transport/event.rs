@@ -1,5 +1,6 @@
 //! The event in which a ray ends.
 
+use super::media::Collision;
 use super::visibility::attenuation_of;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
@@ -10,6 +11,8 @@ use crate::scene::{Scene, SurfaceInteraction};
 pub enum Event {
     /// At a surface.
     Surface(Arrival),
+    /// Where a medium scatters it; only in scenes whose media scatter ([`super::next_event_in_media`]).
+    Medium(Collision),
     /// Nowhere: it leaves the scene.
     Escape,
 }
@@ -39,6 +42,7 @@ impl Arrival {
 /// The event in which a ray of unit direction ends that starts within the bodies of `medium`, which is then what the ray arrives in.
 #[inline]
 pub fn next_event(scene: &Scene, ray: &Ray, medium: &mut Surroundings) -> Event {
+    debug_assert!(!scene.scatters(), "media that scatter end rays as well");
     let Some((hit, passed_null_interface)) = scene.intersect_within(ray, medium) else {
         return Event::Escape;
     };

@@ -1,5 +1,6 @@
 //! How much of the light of a source arrives at a surface: what lies between, and what the medium absorbs.
 
+use super::media::transmittance_in_media;
 use crate::lights::LightSample;
 use crate::math::{Ray, Rgb};
 use crate::media::{Medium, Surroundings};
@@ -15,7 +16,7 @@ pub fn shadow_ray(hit: &SurfaceInteraction, sample: &LightSample) -> Ray {
 }
 
 /// Share of the radiance of a light sample that arrives at a surface through the bodies of `medium`; `None` where a surface is between,
-/// a transparent one as well: what comes through that is a caustic.
+/// a transparent one as well: what comes through that is a caustic. Null interfaces of media that scatter are passed.
 #[inline]
 pub fn transmittance(
     scene: &Scene,
@@ -23,7 +24,11 @@ pub fn transmittance(
     sample: &LightSample,
     medium: &Surroundings,
 ) -> Option<Rgb> {
-    if scene.occluded(&shadow_ray(hit, sample)) {
+    let ray = shadow_ray(hit, sample);
+    if scene.scatters() {
+        return transmittance_in_media(scene, &ray, *medium);
+    }
+    if scene.occluded(&ray) {
         return None;
     }
     Some(attenuation(scene, medium, sample.distance))

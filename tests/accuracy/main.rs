@@ -25,6 +25,7 @@ mod leaks;
 mod lights;
 mod many_lights;
 mod matrix;
+mod media;
 mod photon_pass;
 mod pictures;
 mod probe;

@@ -355,6 +355,7 @@ impl<'a> Hunter<'a> {
     fn meets(&self, lamp: &Lamp, mut end: ChainEnd) -> bool {
         match next_event(self.scene, &end.ray, &mut end.medium) {
             Event::Surface(arrival) => self.scene.surface(&arrival.hit).light == Some(lamp.id),
+            Event::Medium(_) => false,
             Event::Escape => lamp.is_sun,
         }
     }

@@ -12,7 +12,9 @@ pub use checkpoint::{Checkpoint, CheckpointError, blank_checkpoint_bytes, parse_
 pub use error::{ErrorEstimate, error_of_halves};
 
 use super::glints::{GlintHunt, Glints, find_glints};
-use super::job::{PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, statistics};
+use super::job::{
+    PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, check_media, statistics,
+};
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
 use super::observer::Observer;
 use super::pace::Pace;
@@ -131,6 +133,7 @@ pub fn render_in_rounds(
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
     }
+    check_media(scene, settings)?;
     let request = &RenderRequest { layers: LayerSet { bias: true, ..request.layers }, ..request.clone() };
     let plan = &settings.plan(scene);
     let identity = rounds.identity_of(request);

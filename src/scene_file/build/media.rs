@@ -1,10 +1,13 @@
 //! Media, and which of them fills a place where bodies overlap.
 
-use super::super::description::{MaterialDescription, MediumDescription, Named, SceneDescription};
+use super::super::description::{
+    MaterialDescription, MediumDescription, Named, SceneDescription, VolumeDescription,
+};
 use crate::math::Bounds3;
-use crate::media::Medium;
+use crate::media::{Medium, Volume};
 use crate::scene::RenderSpace;
 use std::cmp::Reverse;
+use std::sync::Arc;
 
 /// The media of a scene, whose shapes are `placed` there (by number, with their bounds).
 pub(super) fn media(
@@ -17,9 +20,21 @@ pub(super) fn media(
         name: medium.name.clone(),
         ior: medium.value.ior as f32,
         absorption: (medium.value.absorption / space.scale).as_vec3(),
+        volume: medium.value.volume.as_ref().map(|volume| Arc::new(in_render_space(volume, space))),
         rank,
     };
     description.media.iter().zip(ranks).map(medium).collect()
+}
+
+/// A volume with its coefficients per unit of render space, and its emission in the units of radiance there.
+fn in_render_space(volume: &VolumeDescription, space: &RenderSpace) -> Volume {
+    let metres = (1.0 / space.scale) as f32;
+    let coefficients = volume.coefficients;
+    // Scene files hold coefficients that no scale takes out of range.
+    let scaled = coefficients
+        .with_emission(coefficients.emission() * space.power as f32)
+        .and_then(|coefficients| coefficients.per_length(metres));
+    Volume::homogeneous(scaled.unwrap_or(coefficients), volume.phase)
 }
 
 /// The place of each medium in the order in which they displace each other: by the priority that the scene gives, then the

@@ -323,7 +323,7 @@ impl<'a> Materials<'a> {
         description.media.push(Named {
             name: format!("inside of {name}"),
             location: description.location.clone(),
-            value: MediumDescription { ior: f64::from(ior), absorption, priority: 0 },
+            value: MediumDescription { ior: f64::from(ior), absorption, priority: 0, volume: None },
         });
         Ok(Some([description.media.len() - 1, 0]))
     }

@@ -330,7 +330,7 @@ fn load(
 /// A scene without anything in it.
 fn blank(path: &Path) -> SceneDescription {
     let location = Location { file: Arc::new(PathBuf::from(path)), line: 0, column: 0 };
-    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0 };
+    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
     SceneDescription {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         media: vec![Named { name: "air".to_owned(), location: location.clone(), value: air }],

@@ -66,7 +66,7 @@ impl Importer<'_> {
         self.description.media.push(Named {
             name,
             location: object.place.location.clone(),
-            value: MediumDescription { ior, absorption, priority: 0 },
+            value: MediumDescription { ior, absorption, priority: 0, volume: None },
         });
         self.description.media.len() - 1
     }

@@ -174,7 +174,7 @@ struct Importer<'a> {
 impl<'a> Importer<'a> {
     fn new(path: &Path, parsed: Parsed, parameters: &[(String, String)], allow: Allow<'a>) -> Self {
         let location = Location { file: Arc::new(path.to_path_buf()), line: 0, column: 0 };
-        let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0 };
+        let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
         let Parsed { scene, ids, folders, spectra } = parsed;
         let usual_bsdf = Rc::new(Object {
             tag: "bsdf".to_owned(),

@@ -10,16 +10,10 @@ use crate::scene_file::reader::{Context, Expected, NON_NEGATIVE, Table};
 use glam::DVec3;
 
 /// Indices of refraction. Nothing transparent is near the upper bound; what lies above it is a mistake.
-const IOR: Expected = Expected {
+pub(super) const IOR: Expected = Expected {
     what: "an index of refraction from 1 to 100",
     example: "1.5",
     holds: |x| (1.0..=100.0).contains(&x),
-};
-
-const PRIORITY: Expected = Expected {
-    what: "a whole number from -1000 to 1000",
-    example: "1",
-    holds: |x| x.fract() == 0.0 && x.abs() <= 1000.0,
 };
 
 /// Index of `air` in [`SceneDescription::media`].
@@ -35,39 +29,8 @@ enum Kind {
     Conductor,
 }
 
-/// Media by name, `air` before all others.
-pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
-    let mut names = Names::new("medium");
-    names.add("air", 0..0);
-    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0 };
-    let mut media =
-        vec![Named { name: "air".to_string(), location: Location::default(), value: air.clone() }];
-    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
-        let context = value.context();
-        let name = value.name();
-        if name == "air" {
-            let remedy = "`air` is built in with `ior = 1.0`; choose another name";
-            context.error(&span, "`air` cannot be defined anew", remedy);
-            continue;
-        }
-        names.add(name, span.clone());
-        let example = format!("write `[media.{name}]` and below it `ior = 1.5`");
-        let medium = value.table(format!("[media.{name}]"), &example).and_then(|mut medium| {
-            let ior = medium.required("ior", IOR.example, |value| value.number(&IOR));
-            let absorption = read_absorption(&mut medium, unit);
-            let priority = medium.or("priority", 0, |value| Some(value.number(&PRIORITY)? as i32));
-            medium.finish();
-            Some(MediumDescription { ior: ior?, absorption: absorption?, priority: priority? })
-        });
-        // A medium with errors keeps its place, so that the numbers of the others stay right.
-        let value = medium.unwrap_or(air.clone());
-        media.push(Named { name: name.to_string(), location: context.location(&span), value });
-    }
-    (media, names)
-}
-
 /// Absorption coefficient; per unit of length of the file there, per metre here.
-fn read_absorption(table: &mut Table<'_>, unit: f64) -> Option<DVec3> {
+pub(super) fn read_absorption(table: &mut Table<'_>, unit: f64) -> Option<DVec3> {
     let value = table.or("absorption", DVec3::ZERO, |value| value.colour(&NON_NEGATIVE))?;
     Some(value / unit)
 }
@@ -197,7 +160,12 @@ fn read_inside(table: &mut Table<'_>, media_names: &Names, unit: f64) -> Option<
         (None, Some(ior), _) => {
             let absorption = read_absorption(table, unit);
             let ior = ior.number(&IOR);
-            Some(Inside::Anonymous(MediumDescription { ior: ior?, absorption: absorption?, priority: 0 }))
+            Some(Inside::Anonymous(MediumDescription {
+                ior: ior?,
+                absorption: absorption?,
+                priority: 0,
+                volume: None,
+            }))
         }
         (None, None, _) => table.refuse(
             format!("{} does not say what is inside", table.title()),

@@ -1,0 +1,146 @@
+//! `[media.NAME]`.
+
+use super::materials::{IOR, read_absorption};
+use super::names::Names;
+use crate::media::{Coefficients, NAMED_MEDIA, NamedMedium, Phase};
+use crate::scene_file::description::*;
+use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, POSITIVE, Table, Value};
+use glam::DVec3;
+
+const PRIORITY: Expected = Expected {
+    what: "a whole number from -1000 to 1000",
+    example: "1",
+    holds: |x| x.fract() == 0.0 && x.abs() <= 1000.0,
+};
+
+/// Mean cosines of phase functions.
+const MEAN_COSINE: Expected = Expected {
+    what: "a number between -1 and 1 (0 scatters evenly, above 0 forwards)",
+    example: "0.8",
+    holds: |x| x.abs() < 1.0,
+};
+
+/// Scattering coefficients: beyond these no change of scale takes them out of range.
+const SCATTERING: Expected =
+    Expected { what: "a number from 0 to 1e12", example: "0.5", holds: |x| (0.0..=1e12).contains(&x) };
+
+/// Media by name, `air` before all others.
+pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
+    let mut names = Names::new("medium");
+    names.add("air", 0..0);
+    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
+    let mut media =
+        vec![Named { name: "air".to_string(), location: Location::default(), value: air.clone() }];
+    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
+        let context = value.context();
+        let name = value.name();
+        if name == "air" {
+            let remedy = "`air` is built in with `ior = 1.0`; choose another name";
+            context.error(&span, "`air` cannot be defined anew", remedy);
+            continue;
+        }
+        names.add(name, span.clone());
+        let example = format!("write `[media.{name}]` and below it `ior = 1.5`");
+        let medium =
+            value.table(format!("[media.{name}]"), &example).and_then(|medium| read_medium(medium, unit));
+        // A medium with errors keeps its place, so that the numbers of the others stay right.
+        let value = medium.unwrap_or(air.clone());
+        media.push(Named { name: name.to_string(), location: context.location(&span), value });
+    }
+    (media, names)
+}
+
+fn read_medium(mut table: Table<'_>, unit: f64) -> Option<MediumDescription> {
+    let presets = NAMED_MEDIA.each_ref().map(|medium| (medium.name, medium));
+    let preset = table.optional("preset", |value| value.choice(&presets));
+    let absorption = read_absorption(&mut table, unit);
+    let volume = read_volume(&mut table, unit, preset.flatten(), absorption);
+    let ior = match &volume {
+        // Droplets in air.
+        Some(Some(_)) => {
+            let usual = preset.flatten().map_or(1.0, |preset| f64::from(preset.ior()));
+            table.or("ior", usual, |value| value.number(&IOR))
+        }
+        _ => table.required("ior", IOR.example, |value| value.number(&IOR)),
+    };
+    let priority = table.or("priority", 0, |value| Some(value.number(&PRIORITY)? as i32));
+    table.finish();
+    let (volume, absorption) = (volume?, absorption?);
+    preset?;
+    let absorption = if volume.is_some() { DVec3::ZERO } else { absorption };
+    Some(MediumDescription { ior: ior?, absorption, priority: priority?, volume })
+}
+
+/// What scatters in a medium: `Some(None)` where nothing does, `None` after an error.
+fn read_volume(
+    table: &mut Table<'_>,
+    unit: f64,
+    preset: Option<&NamedMedium>,
+    absorption: Option<DVec3>,
+) -> Option<Option<VolumeDescription>> {
+    let scattering = table.optional("scattering", |value| value.colour(&SCATTERING));
+    let albedo = table.optional("albedo", |value| value.colour(&FRACTION));
+    let free_path = table.optional("mean-free-path", |value| value.colour(&POSITIVE));
+    let visibility = table.optional("visibility", |value| value.number(&POSITIVE));
+    let emission = table.optional("emission", |value| value.colour(&NON_NEGATIVE));
+    let density = table.or("density", 1.0, |value| value.number(&SCATTERING));
+    let cosine = table.optional("g", |value| value.number(&MEAN_COSINE));
+    let kinds = [("isotropic", Phase::Isotropic), ("rayleigh", Phase::Rayleigh)];
+    let phase = table.optional("phase", |value: Value<'_>| value.choice(&kinds));
+    let (scattering, albedo, free_path) = (scattering?, albedo?, free_path?);
+    let (visibility, emission, density, cosine, phase) = (visibility?, emission?, density?, cosine?, phase?);
+    let absorption = absorption?;
+    let by_albedo = albedo.is_some() || free_path.is_some();
+    let ways = [preset.is_some(), scattering.is_some(), by_albedo, visibility.is_some()];
+    if ways.iter().filter(|&&given| given).count() > 1 {
+        let message = format!("{} says in two ways how it scatters", table.title());
+        return table.refuse(
+            message,
+            "keep one of `preset`, `scattering`, `albedo` with `mean-free-path`, `visibility`",
+        );
+    }
+    if phase.is_some() && cosine.is_some() {
+        let message = format!("{} has both `phase` and `g`", table.title());
+        return table.refuse(message, "keep `g` for a phase function of Henyey and Greenstein, or `phase`");
+    }
+    if absorption != DVec3::ZERO && (preset.is_some() || by_albedo) {
+        let message = format!("{} gives absorption twice", table.title());
+        return table.refuse(message, "leave out `absorption`; the preset or the albedo contains it");
+    }
+    if !ways.contains(&true) && emission.is_none() {
+        if phase.is_some() || cosine.is_some() || density != 1.0 {
+            let message =
+                format!("{} has a phase function or a density, but does not scatter", table.title());
+            return table
+                .refuse(message, "add `scattering = 0.5`, `visibility = 50.0` or `preset = \"fog\"`");
+        }
+        return Some(None);
+    }
+    let per_metre = |value: DVec3| (value / unit).as_vec3();
+    let coefficients = match (preset, albedo, free_path, visibility) {
+        (Some(preset), ..) => preset.coefficients(),
+        (_, Some(albedo), Some(free_path), _) => {
+            Coefficients::from_albedo(albedo.as_vec3(), (free_path * unit).as_vec3())
+        }
+        (_, Some(_), None, _) | (_, None, Some(_), _) => {
+            let message = format!("{} has only one of `albedo` and `mean-free-path`", table.title());
+            return table.refuse(message, "write both, as `albedo = 0.9` and `mean-free-path = 2.0`");
+        }
+        (.., Some(visibility)) => Coefficients::from_visibility((visibility * unit) as f32),
+        _ => Coefficients::new(absorption.as_vec3(), per_metre(scattering.unwrap_or(DVec3::ZERO))),
+    };
+    let phase = match (phase, cosine, preset) {
+        (Some(phase), ..) => Ok(phase),
+        (_, Some(g), _) => Phase::henyey_greenstein(g as f32),
+        (.., Some(preset)) => Ok(preset.phase()),
+        _ => Ok(Phase::Isotropic),
+    };
+    let coefficients = coefficients
+        .and_then(|c| c.per_length(density as f32))
+        .and_then(|c| c.with_emission(emission.unwrap_or(DVec3::ZERO).as_vec3() * density as f32));
+    match (coefficients, phase) {
+        (Ok(coefficients), Ok(phase)) => Some(Some(VolumeDescription { coefficients, phase })),
+        (Err(error), _) => table.refuse(error.to_string(), "choose other coefficients"),
+        (_, Err(error)) => table.refuse(error.to_string(), "choose another phase function"),
+    }
+}

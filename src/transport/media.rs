@@ -1,0 +1,145 @@
+//! Events and transmittance where media scatter.
+
+use super::event::{Arrival, Event};
+use super::visibility::attenuation_of;
+use crate::math::{Ray, Rgb};
+use crate::media::density::Line;
+use crate::media::{End, Losses, Phase, Surroundings};
+use crate::sampling::{Rng, Stream, mix};
+use crate::scene::{Scene, SurfaceInteraction};
+use glam::Vec3;
+
+/// Null interfaces on one way; a ray that meets more does not get on.
+const MOST_INTERFACES: u32 = 1000;
+
+/// Where a medium scatters light.
+#[derive(Clone, Copy, Debug)]
+pub struct Collision {
+    /// Place, render space.
+    pub position: Vec3,
+    /// Distance from where the ray started.
+    pub distance: f32,
+    /// Phase function there.
+    pub phase: Phase,
+}
+
+/// A ray's way through media up to its event.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage {
+    /// The event in which it ends.
+    pub event: Event,
+    /// What the throughput of the path is to be multiplied with: transmittance over the density of the event, times the albedo where that
+    /// is a scattering.
+    pub weight: Rgb,
+    /// Radiance that the media themselves add to the ray, W/(m^2 sr) times the power factor of render space.
+    pub emitted: Rgb,
+}
+
+/// The event in which a ray of unit direction ends, in a scene whose media scatter ([`Scene::scatters`]), as
+/// [`super::next_event`] elsewhere. `throughput` is that of the path so far, `u` a uniform variate of the path.
+///
+/// Interfaces between media of one index, of which one scatters, are null interfaces: the border of a fog is no surface.
+pub fn next_event_in_media(
+    scene: &Scene,
+    ray: &Ray,
+    medium: &mut Surroundings,
+    throughput: Rgb,
+    u: f32,
+) -> Passage {
+    let mut rng = rng_of(ray, u);
+    let (mut ray, mut passed) = (*ray, 0.0);
+    let (mut weight, mut emitted) = (Rgb::ONE, Rgb::ZERO);
+    for _ in 0..MOST_INTERFACES {
+        let hit = scene.intersect(&ray);
+        let filling = scene.medium(medium.medium());
+        match (&filling.volume, Line::from_ray(&ray), &hit) {
+            (Some(volume), Some((line, _)), hit) => {
+                let t_max = hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance.into());
+                let flight = volume.fly(&line, t_max, throughput * weight, Losses::Weighted, &mut rng);
+                emitted += weight * flight.emitted;
+                match flight.end {
+                    End::Scattered { t, weight: by } => {
+                        weight *= by * volume.coefficients().albedo();
+                        let position = line.at(t).as_vec3();
+                        let distance = passed + t as f32;
+                        let collision = Collision { position, distance, phase: volume.phase() };
+                        return Passage { event: Event::Medium(collision), weight, emitted };
+                    }
+                    End::Escaped { weight: by } | End::Absorbed { weight: by, .. } => weight *= by,
+                }
+            }
+            (None, _, Some(hit)) => weight *= attenuation_of(filling, hit.distance).unwrap_or(Rgb::ONE),
+            _ => {}
+        }
+        let Some(mut hit) = hit else { return Passage { event: Event::Escape, weight, emitted } };
+        match scene.null_interface(*medium, &hit) {
+            Some(after) => {
+                passed += hit.distance;
+                *medium = after;
+                ray = hit.spawn(ray.direction);
+            }
+            None => {
+                hit.distance += passed;
+                let arrival = Arrival { hit, passed_null_interface: false, transmittance: None };
+                return Passage { event: Event::Surface(arrival), weight, emitted };
+            }
+        }
+    }
+    Passage { event: Event::Escape, weight: Rgb::ZERO, emitted }
+}
+
+/// The first surface along a ray, whatever scatters before it.
+pub fn first_surface(scene: &Scene, ray: &Ray, mut medium: Surroundings) -> Option<SurfaceInteraction> {
+    let (mut ray, mut passed) = (*ray, 0.0);
+    for _ in 0..MOST_INTERFACES {
+        let mut hit = scene.intersect(&ray)?;
+        let Some(after) = scene.null_interface(medium, &hit) else {
+            hit.distance += passed;
+            return Some(hit);
+        };
+        passed += hit.distance;
+        medium = after;
+        ray = hit.spawn(ray.direction);
+    }
+    None
+}
+
+/// Share of the radiance that passes over a segment, or a ray to infinity, within the bodies of `medium` at its start: an unbiased estimate.
+/// `None` where a surface is between.
+pub fn transmittance_in_media(scene: &Scene, segment: &Ray, mut medium: Surroundings) -> Option<Rgb> {
+    let (line, length) = Line::from_ray(segment)?;
+    let mut rng = rng_of(segment, 0.0);
+    let direction = line.direction().as_vec3();
+    // The end lies off its own surface by less than rounding of the length may be.
+    let mut left = length as f32 * (1.0 - 4.0 * f32::EPSILON);
+    let mut ray = Ray { t_max: left, ..Ray::new(segment.origin, direction) };
+    let mut weight = Rgb::ONE;
+    for _ in 0..MOST_INTERFACES {
+        let hit = scene.intersect(&ray);
+        let t_max = hit.as_ref().map_or(left, |hit| hit.distance);
+        let filling = scene.medium(medium.medium());
+        match (&filling.volume, Line::from_ray(&ray)) {
+            (Some(volume), Some((line, _))) => {
+                weight *= volume.transmittance(&line, t_max.into(), &mut rng);
+            }
+            _ if t_max.is_finite() => weight *= attenuation_of(filling, t_max).unwrap_or(Rgb::ONE),
+            _ => {}
+        }
+        let Some(hit) = hit else { return Some(weight) };
+        medium = scene.null_interface(medium, &hit)?;
+        left -= hit.distance;
+        if !(left > 0.0) {
+            return Some(weight);
+        }
+        ray = Ray { t_max: left, ..hit.spawn(direction) };
+    }
+    None
+}
+
+/// A generator for the media along a ray: of the ray, so that whatever it meets shifts no other random number.
+fn rng_of(ray: &Ray, u: f32) -> Rng {
+    let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
+    let (o, d) = (ray.origin, ray.direction);
+    let key = mix(mix(bits(o.x, o.y)) ^ mix(bits(o.z, d.x).wrapping_add(1)) ^ bits(d.y, d.z));
+    Rng::new(key, Stream::Media, u.to_bits().into())
+}

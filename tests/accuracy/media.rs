@@ -1,0 +1,197 @@
+//! Paths in media that scatter, against closed forms and tables: single scattering, slabs by adding and doubling, furnaces.
+
+use crate::support::*;
+use cardioid::render::{IntegratorKind, Overrides, RenderError, Silent, render};
+
+/// Paths that may collide or meet surfaces so often.
+fn paths(spp: u32, max_depth: Option<u32>) -> Overrides {
+    Overrides { spp: Some(spp), max_depth, ..path() }
+}
+
+/// Mean of the picture against `want`, of which it may be off by 0.3 % and five standard errors.
+fn assert_shows(what: &str, text: &str, overrides: &Overrides, want: f64) {
+    let shot = Stage::new(text, (16, 16)).shoot(overrides);
+    let (mean, error) = (shot.mean("beauty")[1], shot.standard_error("beauty")[1]);
+    assert!(error < 0.01 * want, "{what}: the picture is noisy: {mean} +- {error} for {want}");
+    assert!((mean - want).abs() < 5.0 * error + 0.003 * want, "{what}: {mean} +- {error} for {want}");
+}
+
+/// A camera that looks along -z at one place, from within a fog of 40 x 40 x 40 that ends at a black wall at a distance `end`; a point
+/// light of 1 W/sr stands beside the ray, `height` away from it at the distance `foot`.
+fn beside_a_ray(medium: &str, (height, foot, end): (f64, f64, f64)) -> String {
+    format!(
+        r#"
+[camera]
+eye = [0, 0, 0]
+at = [0, 0, -1]
+fov = 0.001
+[media.fog]
+{medium}
+[materials.border]
+type = "dielectric"
+inside = "fog"
+[materials.black]
+type = "lambert"
+reflectance = 0.0
+[[shapes]]
+type = "box"
+min = [-20, -20, -20]
+max = [20, 20, 20]
+material = "border"
+[[shapes]]
+type = "disc"
+center = [0, 0, {z}]
+normal = [0, 0, 1]
+radius = 5
+material = "black"
+[[lights]]
+type = "point"
+position = [0, {height}, {light}]
+power = 12.566370614
+"#,
+        z = -end,
+        light = -foot,
+    )
+}
+
+/// One scattering of the light of a point light, in closed form but for one integral.
+#[test]
+fn single_scattering_of_a_point_light() {
+    let way = (1.0, 5.0, 10.0);
+    let thin = "scattering = 0.1";
+    for (medium, way, want) in [
+        (thin, way, 0.011_375_223),
+        ("scattering = 0.1\ng = 0.7", way, 0.017_003_158),
+        ("scattering = 0.1\ng = -0.4", way, 0.011_090_688),
+        ("scattering = 1.0", (1.0, 2.0, 4.0), 0.008_921_349_2),
+        ("scattering = 0.5\nabsorption = 0.5", (0.25, 2.0, 4.0), 0.043_710_056),
+    ] {
+        let what = format!("{medium} {way:?}");
+        assert_shows(&what, &beside_a_ray(medium, way), &paths(2048, Some(1)), want);
+    }
+}
+
+/// A slab of optical depth `thickness` that a camera sees from above, over something black; light comes from all directions above.
+fn slab(medium: &str, thickness: f64) -> String {
+    format!(
+        r#"
+[camera]
+eye = [0, {eye}, 0]
+at = [0, 0, 0]
+up = [0, 0, 1]
+fov = 0.001
+[media.slab]
+{medium}
+[materials.border]
+type = "dielectric"
+inside = "slab"
+[materials.black]
+type = "lambert"
+reflectance = 0.0
+[[shapes]]
+type = "box"
+min = [-1000, 0, -1000]
+max = [1000, {thickness}, 1000]
+material = "border"
+[[shapes]]
+type = "disc"
+center = [0, -0.5, 0]
+radius = 100000
+material = "black"
+[[lights]]
+type = "environment"
+radiance = 1.0
+"#,
+        eye = thickness + 5.0,
+    )
+}
+
+/// What a slab reflects of light from everywhere towards its normal is, by reciprocity, what it reflects in all of light along the
+/// normal: tables by adding and doubling.
+#[test]
+fn slabs_reflect_as_tabled() {
+    for (medium, thickness, want) in [
+        ("scattering = 1.0", 1.0, 0.341_329),
+        ("scattering = 1.0", 8.0, 0.821_803),
+        ("scattering = 0.9\nabsorption = 0.1", 2.0, 0.361_649),
+        ("albedo = 0.9\nmean-free-path = 1.0\ng = 0.75", 2.0, 0.097_395),
+        // Between faces of glass, whose first reflection is 0.04.
+        ("ior = 1.5\nscattering = 0.9\nabsorption = 0.1", 2.0, 0.213_076 + 0.04),
+    ] {
+        assert_shows(&format!("{medium}, {thickness}"), &slab(medium, thickness), &paths(1024, None), want);
+    }
+}
+
+/// A ball of fog or milk in front of a sky of radiance one.
+fn furnace(medium: &str) -> String {
+    format!(
+        r#"
+[camera]
+eye = [0, 0, 4]
+at = [0, 0, 0]
+fov = 20
+[media.ball]
+{medium}
+[materials.border]
+type = "dielectric"
+inside = "ball"
+[[shapes]]
+type = "sphere"
+center = [0, 0, 0]
+radius = 1
+material = "border"
+[[lights]]
+type = "environment"
+radiance = 1.0
+"#
+    )
+}
+
+/// Where nothing is absorbed the radiance of the surroundings is everywhere, whatever scatters; and so it is where what absorbs glows
+/// with that radiance.
+#[test]
+fn furnaces_are_even() {
+    for medium in [
+        "scattering = 3.0",
+        "scattering = [0.1, 1.0, 10.0]\nphase = \"rayleigh\"",
+        "scattering = 20.0\ng = 0.9",
+        "ior = 1.33\nscattering = 5.0\ng = 0.5",
+        "scattering = 1.0\nabsorption = 2.0\nemission = 2.0",
+    ] {
+        assert_shows(medium, &furnace(medium), &paths(256, None), 1.0);
+    }
+}
+
+/// A border of matched index is no surface: neither shadow rays nor the camera see it, and what a clear body holds is lit directly.
+#[test]
+fn the_border_of_a_fog_is_no_surface() {
+    let clear = "scattering = 0.0";
+    let text = |medium: &str| {
+        furnace(medium)
+            + "[materials.white]\ntype = \"lambert\"\nreflectance = 0.5\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\n\
+               radius = 0.4\nmaterial = \"white\"\n[[lights]]\ntype = \"point\"\nposition = [0, 5, 5]\npower = 1000.0\n"
+    };
+    let shot = Stage::new(&text(clear), (16, 16)).shoot(&paths(64, None));
+    let without = text(clear)
+        .replace("material = \"border\"", "material = \"white\"")
+        .replace("radius = 1\n", "radius = 0.4\n");
+    let bare = Stage::new(&without, (16, 16)).shoot(&paths(64, None));
+    for part in ["direct", "indirect", "emission"] {
+        let (a, b) = (shot.mean(part)[1], bare.mean(part)[1]);
+        assert!((a - b).abs() < 0.01 * b.max(0.1), "{part}: {a} in the body, {b} without it");
+    }
+    for part in ["specular", "caustics"] {
+        assert_eq!(shot.mean(part), [0.0; 3], "{part}");
+    }
+}
+
+/// Photon maps hold no light in media yet, and say so.
+#[test]
+fn photons_refuse_media_that_scatter() {
+    let stage = Stage::new(&furnace("scattering = 1.0"), (4, 4));
+    for integrator in [IntegratorKind::PhotonMap, IntegratorKind::Photons, IntegratorKind::Progressive] {
+        let request = stage.request(&Overrides { integrator: Some(integrator), ..Overrides::default() });
+        let refused = render(stage.scene(), &stage.built.camera, &request, &Silent);
+        assert!(matches!(refused, Err(RenderError::Scattering(name)) if name == "ball"), "{integrator:?}");
+    }
+}
