@@ -267,7 +267,7 @@ fn only_the_command_line_knows_clap_and_anyhow() {
 #[test]
 fn nothing_names_a_machine() {
     let text = ["rs", "toml", "md", "sh", "cpp", "h", "c", "json", "yml", "html", "svg"];
-    let mut all: Vec<PathBuf> = ["src", "tests", "benches", "docs", "scenes", "embree4-sys", "oiio-sys"]
+    let mut all: Vec<PathBuf> = ["src", "tests", "benches", "docs", "scenes", "embree4-sys", "oiio-sys", "openvdb-sys"]
         .iter()
         .flat_map(|folder| files(folder, &text))
         .collect();
