@@ -267,10 +267,11 @@ fn only_the_command_line_knows_clap_and_anyhow() {
 #[test]
 fn nothing_names_a_machine() {
     let text = ["rs", "toml", "md", "sh", "cpp", "h", "c", "json", "yml", "html", "svg"];
-    let mut all: Vec<PathBuf> = ["src", "tests", "benches", "docs", "scenes", "embree4-sys", "oiio-sys", "openvdb-sys"]
-        .iter()
-        .flat_map(|folder| files(folder, &text))
-        .collect();
+    let mut all: Vec<PathBuf> =
+        ["src", "tests", "benches", "docs", "scenes", "embree4-sys", "oiio-sys", "openvdb-sys"]
+            .iter()
+            .flat_map(|folder| files(folder, &text))
+            .collect();
     all.extend(
         ["Cargo.toml", "Makefile", "README.md", "CHANGELOG.md", "build.rs", "setup.sh", ".ci/run"]
             .map(|f| root().join(f)),

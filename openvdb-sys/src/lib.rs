@@ -309,7 +309,9 @@ fn in_memory() -> Result<Shim, String> {
     let file = rustix::fs::memfd_create("openvdb_shim", rustix::fs::MemfdFlags::CLOEXEC);
     let mut file = File::from(file.map_err(|error| told(error.into()))?);
     file.write_all(LIBRARY).map_err(told)?;
-    open(format!("/proc/self/fd/{}", file.as_raw_fd()).as_ref())
+    // Not by `/proc/self`: the loader knows libraries by their paths, and one that another shim was opened by, whose descriptor this file may
+    // have got, is that shim to it.
+    open(format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd()).as_ref())
 }
 
 fn in_folder() -> Result<Shim, String> {
