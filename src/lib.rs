@@ -1,6 +1,7 @@
 //! Photon mapping on Embree.
 //!
-//! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`]; `embree`, `image_io`,
+//! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`],
+//! [`observer`], [`settings`]; `embree`, `image_io`,
 //! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
 //! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
 
@@ -16,10 +17,12 @@ pub mod lights;
 pub mod math;
 pub mod measure;
 pub mod media;
+pub mod observer;
 pub mod photons;
 pub mod render;
 pub mod sampling;
 pub mod scene;
 pub mod scene_file;
+pub mod settings;
 pub mod shapes;
 pub mod textures;

@@ -1,10 +1,10 @@
 //! Looking for glints over the whole picture, before it is rendered.
 
 use super::job::RenderRequest;
-use super::observer::Observer;
 use crate::camera::{Camera, FilmPlace};
 use crate::film::PixelRect;
 use crate::integrators::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintMap, Hunter, Scratch};
+use crate::observer::Observer;
 use crate::sampling::{SampleStream, Stream, mix};
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use glam::Vec2;

@@ -5,7 +5,6 @@ use super::glints::{GlintHunt, Glints, find_glints};
 use super::lamps_in_view::LampsInView;
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
 use super::memory::{MemoryError, PhotonCounts, resident_memory};
-use super::observer::{Observer, Silent};
 use super::pace::{Pace, Paced};
 use super::pretrace::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
@@ -23,6 +22,7 @@ use crate::integrators::{
 };
 use crate::math::Rgb;
 use crate::media::Surroundings;
+use crate::observer::{Observer, Silent};
 use crate::sampling::{Rng, SampleStream, Stream};
 use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};

@@ -3,12 +3,12 @@
 use super::RenderError;
 use super::batches::mean_of_batches;
 use super::maps::{ForPicture, build_maps_from, listed};
-use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
 use crate::integrators::{Irradiance, PathTracer, PhotonMapIntegrator, PhotonMaps, Receiver, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
+use crate::observer::Observer;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{RenderPlan, Scene, SurfaceInteraction};
 use glam::{DVec3, Vec3};

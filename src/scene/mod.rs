@@ -14,12 +14,13 @@ mod texture;
 mod touching;
 mod world;
 
+pub use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
 pub use contact::Borders;
 pub use crossings::Crossings;
 pub use illuminated::{IlluminatedShape, IlluminationKernel};
 pub use layered::{AlphaCutout, Coverage, LayeredMaterial, Painted, glow_of};
 pub use material::{Material, Tangent};
-pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowMode};
+pub use plan::{Decision, RenderPlan};
 pub use render_space::RenderSpace;
 pub use shading::Shading;
 pub use surface::{DiffuseHit, HitPoint, Placement, SurfaceInteraction, shadow_target};

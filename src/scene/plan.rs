@@ -3,49 +3,12 @@
 use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
 use crate::lights::{LIGHTS_SAMPLED_EACH, Light};
-use serde::{Deserialize, Serialize};
+use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
+use serde::Serialize;
 use std::fmt;
 
 /// More lamps than these are not looked for in glass and mirrors, where each is looked at by itself.
 const MOST_HUNTED: usize = 256;
-
-/// How a picture is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum IntegratorKind {
-    /// Two passes: photon maps, then distribution ray tracing with final gathering (Jensen 1996).
-    PhotonMap,
-    /// One map shown directly at the first diffuse surface.
-    Photons,
-    /// Unbiased path tracing, the reference.
-    Path,
-    /// Rounds of the two passes with maps of their own, of which ever less that is biased is read (Knaus & Zwicker 2011).
-    Progressive,
-}
-
-/// Which of the photon maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MapKind {
-    /// All photons on diffuse surfaces.
-    Global,
-    /// Photons that met only specular surfaces between the light and the surface they are stored at.
-    Caustic,
-}
-
-/// Whether photons stored along rays from the lights through the whole scene (Jensen & Christensen 1995, section 3 of
-/// Jensen 1996) tell where shadow rays are not needed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ShadowMode {
-    /// No: every shadow ray is traced.
-    Off,
-    /// Section 4.1 of Jensen 1996 to the letter: no ray where the nearest photons are all direct or all shadow.
-    AsPrinted,
-    /// No ray where enough photons around a point agree that, with a stated confidence, less than a stated share of the
-    /// light is otherwise.
-    Bounded,
-}
 
 impl ShadowMode {
     /// Whether shadow photons answer for `light`.
@@ -61,16 +24,6 @@ impl ShadowMode {
             (Self::Bounded, Light::Point(_) | Light::Spot(_) | Light::Directional(_)) => false,
         }
     }
-}
-
-/// What helps a BSDF to draw directions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GuideKind {
-    /// Nothing.
-    None,
-    /// Photons: directions that much light came from are drawn more often (Jensen 1995).
-    Photons,
 }
 
 /// Whether something is built, and why.
