@@ -1,4 +1,6 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod box_map;
 mod clusters;

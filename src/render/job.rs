@@ -356,7 +356,9 @@ impl PassTwo<'_> {
         let Self { scene, settings, .. } = *self;
         let lamps = match settings.integrator {
             IntegratorKind::Photons => LampsInView::default(),
-            _ => LampsInView::new(scene, self.camera, medium, self.request),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                LampsInView::new(scene, self.camera, medium, self.request)
+            }
         };
         PixelPass {
             camera: self.camera,

@@ -140,7 +140,7 @@ impl PhotonCounts {
     pub fn for_map(self, kind: MapKind) -> u64 {
         match kind {
             MapKind::Caustic => self.caustic,
-            _ => self.global,
+            MapKind::Global => self.global,
         }
     }
 

@@ -1,4 +1,6 @@
 //! Jobs: settings, passes, tiles, progress, statistics.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod adaptive;
 mod batches;

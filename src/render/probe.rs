@@ -414,7 +414,7 @@ fn describe(scene: &Scene, request: &ProbeRequest, landing: &Landing, tallies: &
     let readings = found.map(|(&estimator, tally)| {
         let missing = match estimator {
             ProbeEstimator::Path => missed_by_paths(scene, hit.point.position, request),
-            _ => None,
+            ProbeEstimator::PhotonMap | ProbeEstimator::Gather | ProbeEstimator::IlluminationMap => None,
         };
         tally.reading(estimator, scene.space().power, missing)
     });

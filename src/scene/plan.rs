@@ -1,4 +1,6 @@
 //! What a scene requires, decided in one place, with reasons in words.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
@@ -193,7 +195,9 @@ impl RenderPlan {
         self.guide = match integrator {
             IntegratorKind::Photons => Decision::no("the map is shown directly"),
             _ if !facts.lit || facts.diffuse == 0 => Decision::no("no light reaches a diffuse surface"),
-            _ => Decision::yes("photons tell where indirect light comes from"),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                Decision::yes("photons tell where indirect light comes from")
+            }
         };
         if self.guide.build && !self.global_map.build {
             self.global_map = Decision::yes("its photons guide the paths; no path reads it");
@@ -244,10 +248,12 @@ impl RenderPlan {
             _ if lamps > MOST_HUNTED => {
                 Decision::no(format!("{lamps} lamps are too many to look at one by one"))
             }
-            _ => Decision::yes(format!(
-                "{} specular surface(s) may show {lamps} lamp(s) smaller than a pixel",
-                facts.specular
-            )),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                Decision::yes(format!(
+                    "{} specular surface(s) may show {lamps} lamp(s) smaller than a pixel",
+                    facts.specular
+                ))
+            }
         };
         self
     }
@@ -311,7 +317,9 @@ impl Facts {
             IntegratorKind::Photons if show != MapKind::Global => Decision::no("the other map is shown"),
             _ if !self.lit => Decision::no("there is no light"),
             _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
-            _ => Decision::yes(format!("{} diffuse surface(s) pass light on", self.diffuse)),
+            IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Progressive => {
+                Decision::yes(format!("{} diffuse surface(s) pass light on", self.diffuse))
+            }
         }
     }
 
@@ -322,7 +330,9 @@ impl Facts {
             _ if !self.lit => Decision::no("there is no light"),
             _ if self.specular == 0 => Decision::no("no specular surface, so there are no caustics"),
             _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
-            _ => Decision::yes(format!("{} specular surface(s) cast caustics", self.specular)),
+            IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Progressive => {
+                Decision::yes(format!("{} specular surface(s) cast caustics", self.specular))
+            }
         }
     }
 
@@ -333,9 +343,11 @@ impl Facts {
         let surfaces = self.glossy;
         match integrator {
             IntegratorKind::Path => Decision::no("path tracing follows one direction at a time"),
-            _ => Decision::yes(format!(
-                "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
-            )),
+            IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Progressive => {
+                Decision::yes(format!(
+                    "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
+                ))
+            }
         }
     }
 
@@ -345,7 +357,9 @@ impl Facts {
             _ if !self.lit => Decision::no("there is no light"),
             _ if self.diffuse + self.glossy == 0 => Decision::no("there is no diffuse or glossy surface"),
             _ if self.glossy == 0 => Decision::yes(format!("{lights} light(s) seen from diffuse surfaces")),
-            _ => Decision::yes(format!("{lights} light(s) seen from diffuse or glossy surfaces")),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                Decision::yes(format!("{lights} light(s) seen from diffuse or glossy surfaces"))
+            }
         }
     }
 

@@ -13,7 +13,8 @@
 //! To add a setting, add a row to the table and use its field; nothing else that lists settings has to change.
 //!
 //! This room uses no other.
-#![deny(clippy::wildcard_enum_match_arm)]
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod choices;
 mod declare;
