@@ -1,9 +1,9 @@
 //! Photon mapping on Embree.
 //!
 //! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`],
-//! [`observer`], [`settings`]; `embree`, `image_io`,
-//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
-//! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
+//! [`memory`], [`observer`], [`settings`]; `embree`, `image_io`,
+//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `photons`; `caches`;
+//! `integrators`; [`render`]; `measure`; and `cli`, which only the program uses.
 
 pub mod bsdf;
 pub mod caches;
@@ -17,6 +17,7 @@ pub mod lights;
 pub mod math;
 pub mod measure;
 pub mod media;
+pub mod memory;
 pub mod observer;
 pub mod photons;
 pub mod render;

@@ -6,15 +6,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Rooms by layer; each may use those of its own layer and of the layers above it in this list.
-const LAYERS: [&[&str]; 9] = [
-    &["math", "sampling", "files", "observer", "settings"],
+const LAYERS: [&[&str]; 11] = [
+    &["math", "sampling", "files", "memory", "observer", "settings"],
     &["embree", "image_io", "film"],
     &["shapes", "textures", "bsdf", "media", "lights", "camera"],
     &["scene"],
+    &["scene_file"],
     &["photons"],
     &["caches"],
     &["integrators"],
-    &["render", "scene_file", "measure"],
+    &["render"],
+    &["measure"],
     &["cli", "main"],
 ];
 

@@ -4,13 +4,13 @@ use super::adaptive::{Moments, SampleCounts, pilot_samples};
 use super::glints::{GlintHunt, Glints, find_glints};
 use super::lamps_in_view::LampsInView;
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
-use super::memory::{MemoryError, PhotonCounts, resident_memory};
+use super::memory::PhotonCounts;
 use super::pace::{Pace, Paced};
 use super::pretrace::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
-use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Resident, Statistics, Times};
+use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Statistics, Times};
 use super::warnings::warn;
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{
@@ -22,6 +22,7 @@ use crate::integrators::{
 };
 use crate::math::Rgb;
 use crate::media::Surroundings;
+use crate::memory::{MemoryError, Resident, resident_memory};
 use crate::observer::{Observer, Silent};
 use crate::sampling::{Rng, SampleStream, Stream};
 use crate::scene::{Geometry, IntegratorKind, RenderPlan, Scene};

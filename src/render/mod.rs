@@ -20,13 +20,12 @@ mod stats;
 mod table;
 mod warnings;
 
+pub use crate::memory::{MemoryError, MemoryEstimate, Resident, allowed_memory};
 pub use crate::observer::{Observer, Silent};
 pub use adaptive::SampleCounts;
-pub(crate) use estimate::{INSTANCE, LIGHT};
-pub use estimate::{MemoryEstimate, allowed_memory};
 pub use job::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
 pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from, photon_budget};
-pub use memory::{MemoryError, PhotonCounts};
+pub use memory::PhotonCounts;
 pub use pretrace::finest_distances;
 pub use probe::{
     PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe,
@@ -39,5 +38,5 @@ pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps}
 pub use settings::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, Settings, ShadowMode, Show};
 pub use stats::{
     AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, MemoryStatistics,
-    PhotonMapFile, PhotonStatistics, ProcessStatistics, Resident, ShadowStatistics, Statistics, Times,
+    PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics, Times,
 };

@@ -1,8 +1,9 @@
 //! Photon maps that are kept in a file, and when they are those that a render would trace.
 
 use super::maps::{IRRADIANCE_STRIDE, PassOne, build_maps};
-use super::memory::{MemoryError, PhotonCounts};
+use super::memory::PhotonCounts;
 use super::stats::{MapStatistics, PhotonMapFile};
+use crate::memory::MemoryError;
 use crate::observer::Observer;
 use crate::photons::{PhotonFile, PhotonFileError, PhotonMap, read_photon_file, write_photon_file};
 use crate::scene::{RenderPlan, Scene};

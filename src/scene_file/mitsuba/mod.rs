@@ -40,7 +40,7 @@ use self::xml::Place;
 use super::description::{Location, MediumDescription, Named, SceneDescription};
 use super::diagnostic::SceneFileError;
 use crate::files::{foreign_by_content, read_regular, text_of};
-use crate::render::{MemoryError, MemoryEstimate};
+use crate::memory::{MemoryError, MemoryEstimate};
 use crate::settings::Overrides;
 use crate::textures::{ImageTexture, TextureBudget};
 use glam::DVec3;

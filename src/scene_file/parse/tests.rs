@@ -1,6 +1,6 @@
 use super::*;
 use crate::math::Rgb;
-use crate::photons::Kernel;
+use crate::settings::Kernel;
 use crate::scene_file::diagnostic::Diagnostic;
 use crate::settings::Quality;
 use glam::DVec3;
