@@ -104,14 +104,9 @@ fn options(setting: &Setting) -> Vec<Arg> {
     let arg = described(setting.name, setting.help(), setting.details(), &default)
         .help_heading(setting.group.heading())
         .action(ArgAction::Set)
+        .value_name(setting.kind.placeholder())
         .value_parser(parser(setting.kind))
         .conflicts_with_all(setting.in_place_of);
-    let arg = match (setting.kind, setting.bare) {
-        // Named as the option, in capitals.
-        (Kind::Choice { .. }, None) => arg,
-        (Kind::Choice { .. }, Some(_)) => arg.value_name("MODE"),
-        (kind, _) => arg.value_name(kind.placeholder()),
-    };
     let arg = match setting.bare {
         Some(bare) => arg.num_args(0..=1).default_missing_value(bare),
         None => arg,

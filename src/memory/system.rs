@@ -52,7 +52,8 @@ mod tests {
 
     #[test]
     fn this_process_is_in_memory() {
-        let held = vec![1u8; 50_000_000];
+        // Not optimised away.
+        let held = std::hint::black_box(vec![1u8; 50_000_000]);
         let Some(found) = resident_memory() else {
             println!("skipped: the system does not tell");
             return;

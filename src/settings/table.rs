@@ -270,7 +270,7 @@ settings! {
         maps: Nothing,
     }
 
-    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen. Without a mode:
+    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen. Without a name:
     /// bounded.
     ///
     /// By default they are off: what they save is less than they cost at one shadow ray per light (docs/shadow-photons.md).

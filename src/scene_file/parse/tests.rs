@@ -1,7 +1,7 @@
 use super::*;
 use crate::math::Rgb;
-use crate::settings::Kernel;
 use crate::scene_file::diagnostic::Diagnostic;
+use crate::settings::Kernel;
 use crate::settings::Quality;
 use glam::DVec3;
 use proptest::prelude::*;
