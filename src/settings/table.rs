@@ -102,7 +102,7 @@ settings! {
         knob: CausticMap by Turn::Factor(4),
     }
 
-    /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine: changes noise, not light.
+    /// Whether photons are aimed by projection maps, rather than emitted in all directions: changes noise, not light.
     aim_photons: bool {
         kind: Kind::Flag,
         group: Photons,
@@ -219,7 +219,7 @@ settings! {
         maps: Nothing,
     }
 
-    /// What helps to sample the directions of gather rays and paths: pays where indirect light comes from few directions.
+    /// What guides the sampling of gather rays and paths: pays where indirect light comes from few directions.
     ///
     /// It changes noise, not the mean.
     guide: GuideKind {
@@ -241,7 +241,7 @@ settings! {
         knob: Gathering by Turn::Others(5.0),
     }
 
-    /// Shadow rays per light and camera sample: less noise in soft shadows.
+    /// Shadow rays per light source and camera sample: less noise in soft shadows.
     light_samples: u32 {
         kind: COUNT,
         unit: "rays",
@@ -251,7 +251,8 @@ settings! {
         knob: LightSampling by Turn::Factor(4),
     }
 
-    /// Whether estimates leave out what cannot be seen from their centre (not by default with `as-printed`).
+    /// Whether estimates leave out the part of their disc that is not visible from its centre (not by default with
+    /// `as-printed`).
     visible_kernel: bool {
         kind: Kind::Flag,
         group: Estimates,
@@ -260,7 +261,8 @@ settings! {
         knob: AnyMap by Turn::Others(2.0),
     }
 
-    /// Camera samples of a pixel nearer than this share of the radius of a caustic estimate share it; 0 for none.
+    /// Camera samples of a pixel that are nearer to one another than this share of the radius of a caustic estimate share it; 0 for
+    /// none.
     ///
     /// On Lambertian surfaces alone.
     caustic_reuse: f32 {
@@ -270,7 +272,7 @@ settings! {
         maps: Nothing,
     }
 
-    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light is seen. Without a name:
+    /// Where shadow rays are traced: everywhere, or only where shadow photons leave open whether a light source is visible. Without a name:
     /// bounded.
     ///
     /// By default they are off: what they save is less than they cost at one shadow ray per light (docs/shadow-photons.md).
@@ -283,7 +285,7 @@ settings! {
         knob: ShadowPhotons by Turn::Others(1.5),
     }
 
-    /// Rays that place shadow photons, of all lights together.
+    /// Rays that place shadow photons, of all light sources together.
     shadow_photon_rays: u64 {
         kind: Kind::Count { least: 0, most: 1 << 30 },
         unit: "rays",
@@ -311,9 +313,9 @@ settings! {
         maps: Photons,
     }
 
-    /// Whether indirect light of Lambertian surfaces is interpolated between few places.
+    /// Whether indirect light of Lambertian surfaces is interpolated between few points.
     ///
-    /// Ward & Heckbert 1992. In progressive rendering it is off: its error would stay however many rounds there are.
+    /// Ward & Heckbert 1992. In progressive rendering it is off: more rounds would not reduce its error.
     irradiance_cache: bool {
         kind: Kind::Flag,
         group: Cache,
@@ -332,9 +334,9 @@ settings! {
         knob: Cache by Turn::Scaled(&[(1.5, 1.0), (1.0 / 1.5, 2.5)]),
     }
 
-    /// Gather rays for each place of the cache.
+    /// Gather rays for each record of the irradiance cache.
     ///
-    /// Half and a quarter as many, but at least 64, where places lie about four and two pixels apart.
+    /// Half and a quarter as many, but at least 64, where records lie about four and two pixels apart.
     cache_samples: u32 {
         kind: Kind::Count { least: 4, most: MANY },
         unit: "rays",
@@ -344,7 +346,7 @@ settings! {
         knob: Cache by Turn::Factor(2),
     }
 
-    /// Whether objects that the scene gives illumination maps have them; otherwise photon maps serve everywhere.
+    /// Whether shapes with `illumination-map` in the scene have one; otherwise photon maps serve everywhere.
     illumination_maps: bool {
         kind: Kind::Flag,
         group: Photons,
@@ -352,8 +354,8 @@ settings! {
         maps: Nothing,
     }
 
-    /// Whether pixels get camera samples by the variance around them, --spp on average: for less noise where there is most. The
-    /// EXR then has a layer with the counts.
+    /// Whether the variance around a pixel decides its number of camera samples, --spp on average: less noise where there is most.
+    /// The EXR then has a layer with the counts.
     adaptive: bool {
         kind: Kind::Flag,
         group: Sampling,
@@ -370,7 +372,7 @@ settings! {
         maps: Nothing,
     }
 
-    /// Paths of which less than this share arrives are evaluated from the maps alone; 0 for none.
+    /// Paths that carry less than this share of the light are evaluated from the maps alone; 0 for none.
     approximate_weight: f32 {
         kind: SHARE,
         group: Sampling,
@@ -379,10 +381,10 @@ settings! {
         knob: Gathering by Turn::Values(&["0", "0.05"], 2.0),
     }
 
-    /// Whether images of light sources in glass and mirrors are searched for before the picture is rendered: where they are smaller
-    /// than a pixel, samples meet them by chance alone otherwise, as white dots.
+    /// Whether small emitters in glass and mirrors are searched for before the picture is rendered: where their image is smaller
+    /// than a pixel, samples meet it only by chance, as white dots.
     ///
-    /// What is met more rarely still is dimmed by how rare it is, and behind a glossy reflection such images are blurred, but for
+    /// What is met more rarely still is dimmed by how rare it is, and behind a glossy reflection such images are blurred, except with
     /// `--integrator path` (docs/light-paths.md).
     glints: bool {
         kind: Kind::Flag,
@@ -427,6 +429,6 @@ pub static SHORTCUTS: &[Shortcut] = &[
         name: "no-caustics",
         kind: None,
         conflicts: &["caustic-photons"],
-        about: "No caustic map: surfaces do not get the light that comes by way of specular ones alone.",
+        about: "No caustic map: surfaces get no light that arrives over specular surfaces alone.",
     },
 ];
