@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what cardioid is built on, other than Rust: Embree (4.3 or later), OpenImageIO and the tools of the build.
+# Installs what cardioid is built on, other than Rust: Embree (4.3 or later), OpenImageIO, OpenVDB and the tools of the build.
 #
 #   ./setup.sh
 #
@@ -173,10 +173,11 @@ install_embree() {
 }
 
 command -v apt-get >/dev/null || fail "this script knows apt only (Debian 12 or later, Ubuntu 24.04 or later)." \
-    "Elsewhere install g++, libclang, OpenImageIO (2.4 or later, with headers), pkg-config, make and" \
+    "Elsewhere install g++, libclang, OpenImageIO (2.4 or later, with headers), OpenVDB with headers, pkg-config, make and" \
     "Embree ($oldest_embree or later) by hand; set EMBREE_DIR to the folder of Embree if it is not under /usr or /usr/local"
 
-install_packages g++ make pkg-config libclang-dev libopenimageio-dev
+# OpenVDB comes with OpenImageIO as a library; what is added are its headers, and those of boost that they include.
+install_packages g++ make pkg-config libclang-dev libopenimageio-dev libopenvdb-dev libboost-dev
 install_embree
 command -v cargo >/dev/null || say "note: cargo is not on the PATH; Rust comes from https://rustup.rs"
 say "ready"

@@ -92,9 +92,9 @@ cat <<'END'
 
 ## Indirect light of both scenes against paths
 
-At 96x72 and `preview`, 200 000 or 3 000 000 global photons, against paths: difference of the layer's mean. Estimates reach over as much
-surface as eighty photons need: in a landscape whose grooves are smaller than that they lose light, and the little that the inside
-of the lamp reflects is smeared. Both fall as photons get more; look before trusting either scene's indirect light to a few percent.
+At 96x72 and `preview`, with 200 000 or 3 000 000 global photons, against paths: difference of the layer's mean. Estimates reach over as much
+surface as eighty photons need. In a landscape whose grooves are smaller than that they lose light, and the little light that the inside
+of the lampshade reflects is blurred. Both errors fall as photons become more; check before you trust the indirect light of either scene to a few percent.
 
 | scene | 200 000 | 3 000 000 |
 |---|---|---|

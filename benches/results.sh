@@ -32,7 +32,7 @@ cat <<'END'
 How to read it:
 
 - **Projection maps** matter where casters fill little of what a light sees: without, the ring costs four fifths more.
-- **The irradiance cache** brings the error of the boxes to a quarter in the same time, since each of its places is gathered with a
+- **The irradiance cache** brings the error of the boxes to a quarter in the same time, because each of its records gathers with a
   hundred rays.
 - **Irradiance precomputed at photons** costs less than a third of a full estimate at each gather ray, for the same error.
 - **The visible kernel** brings the error of the ring to a fifth: without it light leaks at the foot, inside and outside. In the
@@ -47,9 +47,9 @@ How to read it:
 - **Direct light at precomputed points by shadow rays** in place of photons: an error less by 9 % at `final`, 4 to 6 % at `draft`. **Half of a
   hemisphere's rays where photons came from**: 15 % less noise of a record, 7 % less error at `final`. With the line before, the error of
   `cornell-diffuse` at `final` is 20 % less, for 10 % more time.
-- **Caustics at points**: the museum at 320 x 240 takes 0.6 s less for the cache of 8.0 s and 1.2 s less for the pixels of 7.1 s; what an eye
-  sees of the change (FLIP 0.002) is a twentieth of that of another seed. Where nothing is highly glossy they would cost 3 to 5 % of a `draft` for nothing, and are left out.
-- **Lamps that mirrors show to glossy surfaces, by shadow rays**: FLIP of two seeds of the museum's sphere flake 0.077 instead of 0.092, and a
+- **Caustics at points**: the museum at 320 x 240 takes 0.6 s less for the cache of 8.0 s and 1.2 s less for the pixels of 7.1 s; the
+  visible change (FLIP 0.002) is a twentieth of that of another seed. Where nothing is highly glossy they would cost 3 to 5 % of a `draft` for nothing, and are left out.
+- **Emitters that mirrors show to glossy surfaces, by shadow rays**: FLIP of two seeds of the museum's sphere flake 0.077 instead of 0.092, and a
   third of the noise on its cylinder, for no more time.
 - **Differential checking** sharpens edges and shortens smooth slopes too, so that the error of the ring's caustic grows.
 END
@@ -58,7 +58,7 @@ cat <<'END'
 
 ## One map or two
 
-Caustics and soft indirect light of `cornell-spheres` at a thousand places, half of them in caustics, from one map of all photons and
+Caustics and soft indirect light of `cornell-spheres` at a thousand points, half of them in caustics, from one map of all photons and
 from two maps with as many in all (`examples/one_map_or_two.rs`). *Error* is the root of the mean squared error over the mean, and
 *us* the microseconds of a place: two look-ups in place of one. With few photons one map has too few of either kind near a place;
 with very many both are the same but for the wider discs that soft light can do with.

@@ -1,8 +1,9 @@
 //! Photon mapping on Embree.
 //!
-//! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`]; `embree`, `image_io`,
-//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; `photons`; `caches`; `integrators`;
-//! [`render`], [`scene_file`], `measure`; and `cli`, which only the program uses.
+//! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`],
+//! [`memory`], [`observer`], [`settings`]; `embree`, `image_io`,
+//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `photons`; `caches`;
+//! `integrators`; [`render`]; `measure`; and `cli`, which only the program uses.
 
 pub mod bsdf;
 pub mod caches;
@@ -16,11 +17,14 @@ pub mod lights;
 pub mod math;
 pub mod measure;
 pub mod media;
+pub mod memory;
+pub mod observer;
 pub mod photons;
 pub mod render;
 pub mod sampling;
 pub mod scene;
 pub mod scene_file;
+pub mod settings;
 pub mod shapes;
 pub mod textures;
 pub mod transport;

@@ -91,7 +91,7 @@ fn a_file_without_a_subcommand_and_options_of_other_programs() {
     }
     // Its own name is what it was.
     refused(folder, &["probe", "a.toml", "--from", "0,0,0", "--samples", "8"], 1, &["a.toml"]);
-    refused(folder, &["render", "a.toml", "--spp", "1e18"], 2, &["from 1 to 4294967295"]);
+    refused(folder, &["render", "a.toml", "--spp", "1e18"], 2, &["from 1 to 16777216"]);
 }
 
 #[test]

@@ -6,6 +6,8 @@
 //! meanwhile, chosen one by one in their order ([`Filling::choose`]), computed in parallel and taken in
 //! ([`Filling::accept`]); what comes of it depends on no thread. Rendering only reads. What a ray of a hemisphere brings
 //! comes in as a closure: nothing here knows an integrator.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod hemisphere;
 mod irradiance;

@@ -2,12 +2,12 @@
 
 use super::outputs::{Named, Outputs};
 use super::progress::Console;
-use super::settings::count;
 use anyhow::{Context, Result, anyhow};
 use cardioid::embree::Device;
 use cardioid::image_io;
 use cardioid::measure::caustics::caustic_figure;
 use cardioid::scene_file::load_scene;
+use cardioid::settings::count;
 use clap::Args;
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,4 +1,6 @@
 //! The subcommands, one file each; the only users of clap and anyhow.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 /// A line on standard error. Where it cannot be written (a log on a full disk, a pipe whose reader is gone) it is left out: what
 /// is computed is worth more than what is said of it.

@@ -43,12 +43,12 @@ pub(crate) struct SceneArgs {
     /// Memory that may be taken, for example 8GB: what is foreseen to take more is refused before it is read or traced.
     ///
     /// Without it the limit is what the machine has free.
-    #[arg(long, value_name = "BYTES", value_parser = super::settings::bytes)]
+    #[arg(long, value_name = "BYTES", value_parser = cardioid::settings::memory)]
     pub(crate) memory_limit: Option<u64>,
 
     /// Memory for the pictures of one mesh file: those that do not fit are kept in a temporary file and read by tiles where they
     /// are looked at, of which a quarter of this is kept, at least 16MB. The picture does not depend on it.
-    #[arg(long, value_name = "BYTES", default_value = "1GB", value_parser = super::settings::bytes)]
+    #[arg(long, value_name = "BYTES", default_value = "1GB", value_parser = cardioid::settings::memory)]
     pub(crate) texture_memory: u64,
 }
 

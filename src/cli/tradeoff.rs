@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use cardioid::image_io;
 use cardioid::measure::Picture;
 use cardioid::measure::tradeoff::{
-    Base, Cell, KNOBS, Outcome, Shown, Sweep, crossing_table, csv, figures, front_table, html, knob_table,
+    Base, Cell, Outcome, Shown, Sweep, crossing_table, csv, figures, front_table, html, knob_table, knobs,
     points_table, svg, sweep,
 };
 use cardioid::render::{Observer, Quality, Settings};
@@ -102,10 +102,11 @@ fn seeds(text: &str) -> Result<u64, String> {
 }
 
 fn knob(text: &str) -> Result<String, String> {
-    if text == "none" || KNOBS.contains(&text) {
+    let knobs = knobs();
+    if text == "none" || knobs.contains(&text) {
         return Ok(text.to_owned());
     }
-    Err(format!("the knobs are {}", KNOBS.join(", ")))
+    Err(format!("the knobs are {}", knobs.join(", ")))
 }
 
 /// What is written into the folder.

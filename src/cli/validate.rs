@@ -2,11 +2,11 @@
 
 use super::outputs::{Named, Outputs};
 use super::progress::{Console, catch_interrupts, interrupted};
-use super::settings::count;
 use super::write_or_print;
 use anyhow::{Context, Result};
 use cardioid::embree::Device;
 use cardioid::measure::validate::{ValidateError, validate};
+use cardioid::settings::count;
 use clap::Args;
 use std::path::PathBuf;
 use std::process::ExitCode;

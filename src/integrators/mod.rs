@@ -2,6 +2,8 @@
 //!
 //! Every integrator splits what it finds into the same five parts, emission and the four integrals of Jensen 1996,
 //! eq. (2); `docs/light-paths.md` has the table that assigns each kind of path to exactly one.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod direct;
 mod direct_at;

@@ -1,6 +1,8 @@
 //! How far a picture is from a reference: error figures over plain linear RGB. Caustics in closed form ([`caustics`]). How fast
 //! rays are traced ([`bvh`]), what settings cost and buy ([`tradeoff`]), and whether answers that are known
 //! come out ([`validate`]).
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 pub mod bvh;
 pub mod caustics;

@@ -12,6 +12,7 @@ mod surroundings;
 mod tracking;
 #[cfg(test)]
 mod validation;
+mod vdb;
 mod volume;
 
 pub use coefficients::{CoefficientError, Coefficients};
@@ -20,6 +21,7 @@ pub use phase::{Lobe, Phase, PhaseError, PhaseSample};
 pub use presets::{NAMED_MEDIA, NamedMedium};
 pub use surroundings::{Crossing, MOST_MEDIA, Surroundings};
 pub use tracking::{End, Flight, Losses};
+pub use vdb::{DENSITY, FLAMES, TEMPERATURE, VdbError, VdbGrid, read_vdb};
 pub use volume::Volume;
 
 use crate::math::Rgb;

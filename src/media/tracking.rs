@@ -309,8 +309,8 @@ impl Volume {
         }
         let rate = most * (most * open).clamp(1.0, MOST_FACTOR);
         if let Density::Grid(grid) = self.density() {
-            // Each is worth two evaluations of the density.
-            if rate * open > 2.0 * length * grid.voxels_per_length(line) {
+            // Each takes about as long as a collision.
+            if rate * open > length * grid.voxels_per_length(line) {
                 return left(extinction, grid.integral(line, t_max)).as_vec3();
             }
         }

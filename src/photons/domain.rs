@@ -251,7 +251,7 @@ fn radial_integral(kernel: Kernel, end: f32) -> f32 {
     match kernel {
         Kernel::Constant => return 0.5 * end * end,
         Kernel::Cone { k } if k >= 1.0 => return end * end * (0.5 - end / (3.0 * k)),
-        _ => (),
+        Kernel::Cone { .. } | Kernel::Epanechnikov | Kernel::Gaussian => (),
     }
     // Gauss-Legendre.
     const NODES: [(f32, f32); 4] = [

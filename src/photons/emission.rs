@@ -70,8 +70,8 @@ impl<'a> Goals<'a> {
         let most = (MOST_PAIRS / lights.max(1)).clamp(FEW_TARGETS, MOST_TARGETS);
         let shared = match kind {
             MapKind::Caustic => Some(clustered(scene.casters(), most)),
-            _ if lights > MOST_TARGETS => Some(clustered(scene.targets(), MOST_TARGETS)),
-            _ => None,
+            MapKind::Global if lights > MOST_TARGETS => Some(clustered(scene.targets(), MOST_TARGETS)),
+            MapKind::Global => None,
         };
         Self { scene, kind, shared }
     }
@@ -129,8 +129,10 @@ impl<'a> Emitter<'a> {
         let (aim, flux) = match (goals.kind, &goals.shared) {
             (MapKind::Caustic, Some(casters)) => aim_at_casters(light, bounds, casters)?,
             (MapKind::Caustic, None) => return None,
-            _ if goals.is_worth_a_table(photons) => aim_at_objects(light, bounds, &goals.targets_of(index)),
-            _ => (Aim::Everywhere, flux),
+            (MapKind::Global, _) if goals.is_worth_a_table(photons) => {
+                aim_at_objects(light, bounds, &goals.targets_of(index))
+            }
+            (MapKind::Global, _) => (Aim::Everywhere, flux),
         };
         let importance = flux * f64::from(scene.light_note(index).photons);
         (importance > 0.0).then_some(Self { light, aim, bounds, importance })
@@ -171,7 +173,7 @@ impl<'a> Emitter<'a> {
                         let (heading, factor) = map.warp(heading);
                         (start, cosine_direction(start.normal, heading), PI * factor)
                     }
-                    _ => {
+                    Aim::Everywhere | Aim::Discs(_) | Aim::Boxes(_) => {
                         let start = area.sample_start(place);
                         (start, cosine_direction(start.normal, heading), PI)
                     }
@@ -191,7 +193,9 @@ impl<'a> Emitter<'a> {
                         let (heading, factor) = map.warp(heading);
                         (warp::square_to_sphere(heading), 4.0 * PI * factor)
                     }
-                    _ => (warp::square_to_sphere(heading), 4.0 * PI),
+                    Aim::Everywhere | Aim::Discs(_) | Aim::Boxes(_) => {
+                        (warp::square_to_sphere(heading), 4.0 * PI)
+                    }
                 };
                 let ray = Ray::new(point.position, direction);
                 Some(EmittedPhoton { ray, power: point.intensity * per_pdf, back: false })
@@ -208,7 +212,7 @@ impl<'a> Emitter<'a> {
                         let (direction, power) = spot.sample(heading)?;
                         (direction, power * factor)
                     }
-                    _ => spot.sample(heading)?,
+                    Aim::Everywhere | Aim::Discs(_) | Aim::Boxes(_) => spot.sample(heading)?,
                 };
                 let ray = Ray::new(spot.position, direction);
                 (power.max_element() > 0.0).then_some(EmittedPhoton { ray, power, back: false })
@@ -246,11 +250,8 @@ impl<'a> Emitter<'a> {
         let (point, area) = match &self.aim {
             Aim::Discs(map) => map.sample(direction, u)?,
             Aim::Boxes(map) => map.sample(direction, u)?,
-            aim => {
-                let (u, factor) = match aim {
-                    Aim::Objects(map) => map.warp(u),
-                    _ => (u, 1.0),
-                };
+            aim @ (Aim::Everywhere | Aim::Objects(_) | Aim::Casters(_)) => {
+                let (u, factor) = if let Aim::Objects(map) = aim { map.warp(u) } else { (u, 1.0) };
                 let d = warp::square_to_disc(u) * radius;
                 (center + frame.x * d.x + frame.y * d.y, PI * radius * radius * factor)
             }

@@ -269,9 +269,9 @@ pub fn read_photon_maps(from: &mut impl Read, length: u64) -> Result<PhotonFile,
 const TOO_LONG: Problem = Problem::Content("its parts are longer than it is");
 
 fn read_exactly(from: &mut impl Read, bytes: &mut [u8]) -> Result<(), Problem> {
-    from.read_exact(bytes).map_err(|error| match error.kind() {
-        io::ErrorKind::UnexpectedEof => Problem::Content("it became shorter while it was read"),
-        _ => error.into(),
+    from.read_exact(bytes).map_err(|error| match error.kind() == io::ErrorKind::UnexpectedEof {
+        true => Problem::Content("it became shorter while it was read"),
+        false => error.into(),
     })
 }
 

@@ -1,43 +1,6 @@
-use serde::Serialize;
+//! Weights of photons by their distance. The kernel is a setting.
 
-/// Kernel of a density estimate, a function of the distance `d` over the radius `r`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Kernel {
-    /// Constant (Jensen 1996, eq. 3).
-    Constant,
-    /// `max(0, 1 - d / (k r))` (Jensen 1996, eq. 4).
-    Cone {
-        /// Filter constant, at least 1.
-        k: f32,
-    },
-    /// `1 - (d / r)^2`.
-    Epanechnikov,
-    /// The Gaussian of Pavicic (Graphics Gems I) with Jensen's constants, normalised exactly.
-    Gaussian,
-}
-
-/// Whether density estimates carry the known bias of the printed formulas.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Estimator {
-    /// Eq. (3) and (5) of Jensen 1996 as they stand: the N-th photon sets the radius and is counted as well.
-    AsPrinted,
-    /// Free of that bias (Garcia, Urena & Sbert 2012): the N-th photon only sets the radius.
-    Corrected,
-}
-
-/// Region in which photons are searched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum SearchRegion {
-    /// A sphere.
-    Sphere,
-    /// A sphere flattened across the surface, so that other surfaces nearby are left out, also those that face the same
-    /// way. What counts is the height over a surface of even curvature between the photon and the place that is looked
-    /// up, which both normals tell; so on round things it is the sphere.
-    Disc,
-}
+use crate::settings::Kernel;
 
 impl Kernel {
     /// Weight `w(d / r)` of a photon at squared relative distance `t_squared` in `[0, 1]`, one at the centre.

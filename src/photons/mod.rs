@@ -1,4 +1,6 @@
 //! Pass 1: photons, the maps they are stored in, and the estimates made from them.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod box_map;
 mod clusters;
@@ -24,6 +26,7 @@ mod shadow_decision;
 mod sources;
 mod trace;
 
+pub use crate::settings::{Estimator, Kernel, SearchRegion};
 pub use domain::{FEELERS, KernelDomain, Seen, Sight};
 pub use emission::{EmittedPhoton, Emitter};
 pub(crate) use emission::{FEW_LIGHTS, FEW_TARGETS, LEAST_FOR_A_TABLE};
@@ -35,7 +38,6 @@ pub use file::{
 pub use guide::{DirectionGuide, GuideLobe, GuideParams, LocalGuide};
 pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_deposits};
 pub use irradiance::{DirectLight, IrradianceMap, PointIrradiance};
-pub use kernel::{Estimator, Kernel, SearchRegion};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use pass::{
     CausticSurvey, PhotonsFor, TracedPhotons, record_photon_rays, survey_caustics, trace_photons,

@@ -120,7 +120,7 @@ pub fn trace_photons_for(
     let emitted = settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED);
     let stream = match settings.kind {
         MapKind::Caustic => Stream::CausticPhotons,
-        _ => Stream::GlobalPhotons,
+        MapKind::Global => Stream::GlobalPhotons,
     };
     drop(prepass);
     pass.run(stream, emitted.ceil() as u64, Some(CHUNK)).map(|(traced, _)| traced)

@@ -126,7 +126,7 @@ fn trace_range(
             found.surfaces.push(hit.surface);
             match class {
                 PhotonClass::Direct => tally.direct += 1,
-                _ => tally.shadow += 1,
+                PhotonClass::Indirect | PhotonClass::Caustic | PhotonClass::Shadow => tally.shadow += 1,
             }
         }
     }

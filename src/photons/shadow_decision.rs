@@ -155,7 +155,9 @@ impl DecisionMap {
 fn reach(map: &PhotonMap, center: &Photon, max_radius: f32, scratch: &mut Scratch) -> f32 {
     let (own, other) = match center.class() {
         PhotonClass::Shadow => (PhotonClass::Shadow, PhotonClass::Direct),
-        _ => (PhotonClass::Direct, PhotonClass::Shadow),
+        PhotonClass::Direct | PhotonClass::Indirect | PhotonClass::Caustic => {
+            (PhotonClass::Direct, PhotonClass::Shadow)
+        }
     };
     let agreeing = Query {
         max_radius,

@@ -1,10 +1,10 @@
 //! Looking for glints over the whole picture, before it is rendered.
 
 use super::job::RenderRequest;
-use super::observer::Observer;
 use crate::camera::{Camera, FilmPlace};
 use crate::film::PixelRect;
 use crate::integrators::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintMap, Hunter, Scratch};
+use crate::observer::Observer;
 use crate::sampling::{SampleStream, Stream, mix};
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use glam::Vec2;
@@ -81,7 +81,9 @@ pub(super) fn find_glints<'a>(
     // Looking should cost less than what is looked at.
     let most = match settings.integrator {
         IntegratorKind::Progressive => IN_PIXEL.1,
-        _ => settings.spp.clamp(IN_PIXEL.0, IN_PIXEL.1),
+        IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Path => {
+            settings.spp.clamp(IN_PIXEL.0, IN_PIXEL.1)
+        }
     };
     let count = u32::try_from(PLACES / whole.area().max(1)).unwrap_or(u32::MAX).clamp(IN_PIXEL.0, most);
     observer.begin("looking for lamps in glass and mirrors", u64::from(rows.y1.saturating_sub(rows.y0)));

@@ -4,14 +4,13 @@ use super::adaptive::{Moments, SampleCounts, pilot_samples};
 use super::glints::{GlintHunt, Glints, find_glints};
 use super::lamps_in_view::LampsInView;
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
-use super::memory::{MemoryError, PhotonCounts, resident_memory};
-use super::observer::{Observer, Silent};
+use super::memory::PhotonCounts;
 use super::pace::{Pace, Paced};
 use super::pretrace::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
-use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Resident, Statistics, Times};
+use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Statistics, Times};
 use super::warnings::warn;
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{
@@ -23,6 +22,8 @@ use crate::integrators::{
 };
 use crate::math::Rgb;
 use crate::media::Surroundings;
+use crate::memory::{MemoryError, Resident, resident_memory};
+use crate::observer::{Observer, Silent};
 use crate::sampling::{Rng, SampleStream, Stream};
 use crate::scene::{Geometry, GuideKind, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
@@ -373,7 +374,9 @@ impl PassTwo<'_> {
             IntegratorKind::Photons => LampsInView::default(),
             // Rays of their own would not see what a medium hides.
             _ if scene.scatters() => LampsInView::default(),
-            _ => LampsInView::new(scene, self.camera, medium, self.request),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                LampsInView::new(scene, self.camera, medium, self.request)
+            }
         };
         PixelPass {
             camera: self.camera,

@@ -104,7 +104,7 @@ fn seen_from(camera: &Camera, light: &Light) -> Option<(Vec3, f32)> {
             (to_lamp / distance, radius / (distance * distance - radius * radius).sqrt() + blur(nearest))
         }
         Light::Sun(sun) => (sun.towards(), sun.angular_radius().tan() + blur(0.0)),
-        _ => return None,
+        Light::Point(_) | Light::Spot(_) | Light::Directional(_) | Light::Environment(_) => return None,
     };
     (tangent < WIDEST).then_some((direction, tangent))
 }

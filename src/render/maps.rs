@@ -1,7 +1,6 @@
 //! Pass 1 as a job: traces photons, builds the maps the plan asks for, and says what is odd about them.
 
-use super::memory::{MemoryError, PhotonCounts};
-use super::observer::Observer;
+use super::memory::PhotonCounts;
 use super::saved::SavedMaps;
 use super::settings::{IntegratorKind, Settings, ShadowMode};
 use super::stats::{
@@ -12,6 +11,8 @@ use crate::integrators::{
     CAUSTIC_POINT_REACH, DirectAt, PhotonBudget, PhotonMapSettings, PhotonMaps, Place, light_importance,
 };
 use crate::lights::LightId;
+use crate::memory::MemoryError;
+use crate::observer::Observer;
 use crate::photons::{
     Deposit, DirectLight, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
     PhotonClasses, PhotonMap, PhotonTally, PhotonsFor, TraceSettings, TracedPhotons, build_shadow_maps,

@@ -1,8 +1,7 @@
 //! What photon maps take of the machine's memory, found out before any photon is traced.
 
-use super::estimate::{MemoryEstimate, megabytes};
 use super::settings::Settings;
-use super::stats::Resident;
+use crate::memory::{MOST_PHOTONS, MemoryError, available_memory};
 use crate::scene::{MapKind, RenderPlan};
 use serde::Serialize;
 
@@ -16,9 +15,6 @@ const BUILD_BYTES: f64 = 40.5;
 /// Bytes of precomputed irradiance for each photon of a map.
 const IRRADIANCE_BYTES: f64 = 27.0 / super::maps::IRRADIANCE_STRIDE as f64;
 
-/// A tree counts its points in 32 bits; with room for the 10 % by which photons may exceed what was asked for.
-const MOST_PHOTONS: u64 = 3_900_000_000;
-
 /// Photons to store in each map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct PhotonCounts {
@@ -26,65 +22,6 @@ pub struct PhotonCounts {
     pub global: u64,
     /// In the caustic map; zero where there is none.
     pub caustic: u64,
-}
-
-/// Photon maps that cannot be held.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum MemoryError {
-    /// In no map.
-    #[error(
-        "{asked} photons in the {map} map are more than a map holds; ask for at most {MOST_PHOTONS} with \
-         --{map}-photons"
-    )]
-    Count {
-        /// "global" or "caustic".
-        map: &'static str,
-        /// As asked for.
-        asked: u64,
-    },
-    /// In this machine.
-    #[error(
-        "{global} global and {caustic} caustic photons take {:.1} GB while their maps are built, and {:.1} GB are \
-         available; ask for fewer with --global-photons and --caustic-photons, or for as many as fit into some memory, \
-         for example --photons-memory {:.1}GB",
-        *.needed as f64 / 1e9, *.available as f64 / 1e9, 0.4 * *.available as f64 / 1e9
-    )]
-    Available {
-        /// Global photons asked for.
-        global: u64,
-        /// Caustic photons asked for.
-        caustic: u64,
-        /// Bytes that they take at the worst moment.
-        needed: u64,
-        /// Bytes that are free.
-        available: u64,
-    },
-    /// With everything else.
-    #[error(
-        "{} takes {} {}: {}; and {} {}; {}",
-        match estimate.triangles {
-            0..50_000 => "the scene".to_owned(),
-            triangles => format!("a scene of {:.1} million triangles", triangles as f64 / 1e6),
-        },
-        megabytes(estimate.peak()),
-        estimate.worst().0,
-        estimate.parts(),
-        megabytes(*most),
-        if *is_limit { "are allowed by --memory-limit" } else { "are available" },
-        if *is_limit {
-            "raise the limit, or render a smaller mesh, a smaller picture or fewer photons"
-        } else {
-            "render a smaller mesh, a smaller picture or fewer photons, or set --memory-limit if you know better"
-        },
-    )]
-    Scene {
-        /// What takes how much.
-        estimate: MemoryEstimate,
-        /// Bytes that it may take.
-        most: u64,
-        /// Whether somebody set them, or the machine has no more.
-        is_limit: bool,
-    },
 }
 
 /// Maps at whose photons irradiance is precomputed.
@@ -140,7 +77,7 @@ impl PhotonCounts {
     pub fn for_map(self, kind: MapKind) -> u64 {
         match kind {
             MapKind::Caustic => self.caustic,
-            _ => self.global,
+            MapKind::Global => self.global,
         }
     }
 
@@ -166,30 +103,6 @@ impl PhotonCounts {
             _ => Ok(()),
         }
     }
-}
-
-/// Bytes that the system would give without swapping: what Linux calls available, or less where the process is in a
-/// control group with a limit. `None` where the system does not tell.
-pub(super) fn available_memory() -> Option<u64> {
-    let read = |path: &str| std::fs::read_to_string(path).ok();
-    let system = read("/proc/meminfo").and_then(|text| kilobytes(&text, "MemAvailable:"))?;
-    let number = |path: &str| read(path)?.trim().parse::<u64>().ok();
-    let group = number("/sys/fs/cgroup/memory.max")
-        .zip(number("/sys/fs/cgroup/memory.current"))
-        .map(|(limit, used)| limit.saturating_sub(used));
-    Some(group.map_or(system, |group| group.min(system)))
-}
-
-/// Bytes of this process in memory: now, and at most so far. `None` where the system does not tell.
-pub(super) fn resident_memory() -> Option<Resident> {
-    let text = std::fs::read_to_string("/proc/self/status").ok()?;
-    Some(Resident { resident: kilobytes(&text, "VmRSS:")?, peak: kilobytes(&text, "VmHWM:")? })
-}
-
-/// The number of bytes on the line of `/proc/meminfo` that begins with `key`.
-fn kilobytes(text: &str, key: &str) -> Option<u64> {
-    let line = text.lines().find_map(|line| line.strip_prefix(key))?;
-    line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
 #[cfg(test)]
@@ -231,23 +144,5 @@ mod tests {
         let beyond = PhotonCounts { global: 1 << 40, caustic: 0 };
         let refused = beyond.check_against(Precomputed::default(), None).unwrap_err().to_string();
         assert!(refused.contains("1099511627776 photons in the global map"), "{refused}");
-    }
-
-    #[test]
-    fn this_process_is_in_memory() {
-        let held = vec![1u8; 50_000_000];
-        let Some(found) = resident_memory() else {
-            println!("skipped: the system does not tell");
-            return;
-        };
-        assert!(found.resident > held.len() as u64 && found.peak >= found.resident, "{found:?}");
-    }
-
-    #[test]
-    fn meminfo_is_read() {
-        let text = "MemTotal:       8000000 kB\nMemAvailable:    4000 kB\n";
-        assert_eq!(kilobytes(text, "MemAvailable:"), Some(4_096_000));
-        assert_eq!(kilobytes(text, "Swap:"), None);
-        assert_eq!(kilobytes("MemAvailable: what\n", "MemAvailable:"), None);
     }
 }

@@ -1,4 +1,6 @@
 //! Jobs: settings, passes, tiles, progress, statistics.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod adaptive;
 mod batches;
@@ -8,7 +10,6 @@ mod job;
 mod lamps_in_view;
 mod maps;
 mod memory;
-mod observer;
 mod pace;
 mod pretrace;
 mod probe;
@@ -19,13 +20,12 @@ mod stats;
 mod table;
 mod warnings;
 
+pub use crate::memory::{MemoryError, MemoryEstimate, Resident, allowed_memory};
+pub use crate::observer::{Observer, Silent};
 pub use adaptive::SampleCounts;
-pub(crate) use estimate::{INSTANCE, LIGHT};
-pub use estimate::{MemoryEstimate, allowed_memory};
 pub use job::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
 pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from, photon_budget};
-pub use memory::{MemoryError, PhotonCounts};
-pub use observer::{Observer, Silent};
+pub use memory::PhotonCounts;
 pub use pretrace::finest_distances;
 pub use probe::{
     PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe,
@@ -35,8 +35,8 @@ pub use progressive::{
     error_of_halves, parse_checkpoint_bytes, render_in_rounds,
 };
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};
-pub use settings::*;
+pub use settings::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, Settings, ShadowMode, Show};
 pub use stats::{
     AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, MemoryStatistics,
-    PhotonMapFile, PhotonStatistics, ProcessStatistics, Resident, ShadowStatistics, Statistics, Times,
+    PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics, Times,
 };

@@ -4,10 +4,10 @@
 use super::job::{CameraSamples, PassTwo, RenderError, RenderRequest};
 use super::maps::{ForPicture, PassOne, build_maps_from};
 use super::memory::PhotonCounts;
-use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
 use crate::camera::Camera;
 use crate::integrators::PhotonBudget;
+use crate::observer::Observer;
 use crate::scene::{RenderPlan, Scene};
 use std::time::{Duration, Instant};
 

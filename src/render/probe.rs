@@ -4,12 +4,12 @@ use super::RenderError;
 use super::batches::mean_of_batches;
 use super::job::check_media;
 use super::maps::{ForPicture, build_maps_from, listed};
-use super::observer::Observer;
 use super::settings::{IntegratorKind, Settings};
 use crate::integrators::{Irradiance, PathTracer, PhotonMapIntegrator, PhotonMaps, Receiver, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
+use crate::observer::Observer;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{RenderPlan, Scene, SurfaceInteraction};
 use glam::{DVec3, Vec3};
@@ -418,7 +418,7 @@ fn describe(scene: &Scene, request: &ProbeRequest, landing: &Landing, tallies: &
     let readings = found.map(|(&estimator, tally)| {
         let missing = match estimator {
             ProbeEstimator::Path => missed_by_paths(scene, hit.point.position, request),
-            _ => None,
+            ProbeEstimator::PhotonMap | ProbeEstimator::Gather | ProbeEstimator::IlluminationMap => None,
         };
         tally.reading(estimator, scene.space().power, missing)
     });

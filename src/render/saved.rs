@@ -1,13 +1,15 @@
 //! Photon maps that are kept in a file, and when they are those that a render would trace.
 
 use super::maps::{IRRADIANCE_STRIDE, PassOne, build_maps};
-use super::memory::{MemoryError, PhotonCounts};
-use super::observer::Observer;
-use super::settings::{GuideKind, IntegratorKind, MapKind, Settings, ShadowMode};
+use super::memory::PhotonCounts;
 use super::stats::{MapStatistics, PhotonMapFile};
+use crate::memory::MemoryError;
+use crate::observer::Observer;
 use crate::photons::{PhotonFile, PhotonFileError, PhotonMap, read_photon_file, write_photon_file};
 use crate::scene::{RenderPlan, Scene};
+use crate::settings::{GuideKind, IntegratorKind, MapKind, Maps, SETTINGS, Setting, Settings, ShadowMode};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -15,9 +17,9 @@ use std::time::Instant;
 /// The settings that photons depend on. Whatever else is set, the camera and the picture change none.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct PhotonSettings {
-    seed: u64,
-    max_depth: u32,
-    aim_photons: bool,
+    /// Those of [`Maps::Photons`], with underscores.
+    #[serde(flatten)]
+    traced: Map<String, Value>,
     /// Photons to store, once memory has been looked at; zero for a map that is not built.
     global_photons: u64,
     caustic_photons: u64,
@@ -26,63 +28,35 @@ struct PhotonSettings {
 impl PhotonSettings {
     fn of(settings: &Settings, plan: &RenderPlan) -> Self {
         let counts = PhotonCounts::of(settings, plan);
-        // Every setting is named here, so that none is added without asking whether photons depend on it.
-        let Settings {
-            seed,
-            max_depth,
-            aim_photons,
-            // By way of the counts.
-            global_photons: _,
-            caustic_photons: _,
-            photons_memory: _,
-            // These decide which maps are built, and how they are read.
-            quality: _,
-            integrator: _,
-            map: _,
-            spp: _,
-            global_nearest: _,
-            caustic_nearest: _,
-            global_radius: _,
-            caustic_radius: _,
-            kernel: _,
-            estimator: _,
-            search: _,
-            differential_check: _,
-            gather_samples: _,
-            glossy_samples: _,
-            guide: _,
-            precomputed_irradiance: _,
-            light_samples: _,
-            visible_kernel: _,
-            shadow_photons: _,
-            shadow_photon_rays: _,
-            show: _,
-            irradiance_cache: _,
-            cache_error: _,
-            cache_samples: _,
-            accurate_distance: _,
-            approximate_weight: _,
-            caustic_reuse: _,
-            illumination_maps: _,
-            adaptive: _,
-            glints: _,
-            rounds: _,
-            target_error: _,
-        } = *settings;
-        Self { seed, max_depth, aim_photons, global_photons: counts.global, caustic_photons: counts.caustic }
+        let all = serde_json::to_value(settings).unwrap_or_default();
+        let traced = settings_of(Maps::Photons).map(|setting| (field(setting), all[setting.name].clone()));
+        Self { traced: traced.collect(), global_photons: counts.global, caustic_photons: counts.caustic }
     }
+
+    /// A value as the command line takes it; what an older file does not know is named so.
+    fn text(&self, setting: &Setting) -> String {
+        match self.traced.get(&field(setting)) {
+            Some(Value::String(text)) => text.clone(),
+            Some(value) => value.to_string(),
+            None => "(unknown)".to_owned(),
+        }
+    }
+}
+
+fn settings_of(maps: Maps) -> impl Iterator<Item = &'static Setting> {
+    SETTINGS.iter().filter(move |setting| setting.maps == maps)
+}
+
+/// A setting's name in the description.
+fn field(setting: &Setting) -> String {
+    setting.name.replace('-', "_")
 }
 
 /// The settings that precomputed irradiance depends on, as text: equal text, equal irradiance.
 fn irradiance_key(settings: &Settings, plan: &RenderPlan) -> String {
-    let Settings {
-        global_nearest, global_radius, estimator, search, differential_check, visible_kernel, ..
-    } = *settings;
-    let radius = global_radius.map(f64::to_bits);
+    let keys: Vec<String> = settings_of(Maps::Irradiance).map(|setting| setting.key(settings)).collect();
     let direct = plan.direct_at_points.build;
-    format!(
-        "{global_nearest} {radius:?} {estimator:?} {search:?} {differential_check} {visible_kernel} {IRRADIANCE_STRIDE} {direct}"
-    )
+    format!("{} {IRRADIANCE_STRIDE} {direct}", keys.join(" "))
 }
 
 /// The description at the head of a file.
@@ -184,14 +158,12 @@ impl SavedMaps {
             ));
         }
         let asked = PhotonSettings::of(settings, plan);
-        let mut settings = vec![
-            ("--seed", saved.seed.to_string(), asked.seed.to_string()),
-            ("--max-depth", saved.max_depth.to_string(), asked.max_depth.to_string()),
-            ("--aim-photons", saved.aim_photons.to_string(), asked.aim_photons.to_string()),
-        ];
+        let traced = settings_of(Maps::Photons);
+        let mut settings: Vec<(&str, String, String)> =
+            traced.map(|setting| (setting.name, saved.text(setting), asked.text(setting))).collect();
         for (kind, option, saved, asked) in [
-            (MapKind::Global, "--global-photons", saved.global_photons, asked.global_photons),
-            (MapKind::Caustic, "--caustic-photons", saved.caustic_photons, asked.caustic_photons),
+            (MapKind::Global, "global-photons", saved.global_photons, asked.global_photons),
+            (MapKind::Caustic, "caustic-photons", saved.caustic_photons, asked.caustic_photons),
         ] {
             let is_there = self.file.maps.iter().any(|map| map.kind == kind);
             let is_wanted = match kind {
@@ -210,8 +182,8 @@ impl SavedMaps {
             let list = |of: fn(&(&str, String, String)) -> String| {
                 settings.iter().map(of).collect::<Vec<_>>().join(" ")
             };
-            let there = list(|(option, saved, _)| format!("{option} {saved}"));
-            let here = list(|(option, _, asked)| format!("{option} {asked}"));
+            let there = list(|(option, saved, _)| format!("--{option} {saved}"));
+            let here = list(|(option, _, asked)| format!("--{option} {asked}"));
             differences.push(format!(
                 "its photons are those of {there}, and this render asks for {here}; add {there}"
             ));

@@ -1,5 +1,6 @@
 use super::progressive::RoundStatistics;
 use crate::integrators::{Counters, ShadowCounters};
+use crate::memory::Resident;
 use crate::scene::{MapKind, RenderPlan};
 use serde::{Deserialize, Serialize};
 
@@ -14,15 +15,6 @@ pub struct Times {
     pub cache: f64,
     /// Pass 2.
     pub pixels: f64,
-}
-
-/// Bytes of the process.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Resident {
-    /// In memory at that moment.
-    pub resident: u64,
-    /// At most up to that moment.
-    pub peak: u64,
 }
 
 /// Memory by step, and what the scene takes.

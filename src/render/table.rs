@@ -1,8 +1,8 @@
 //! Statistics for people: what `--stats` writes as JSON, as a table.
 
-use super::estimate::megabytes;
-use super::stats::{MapStatistics, Resident, Statistics};
+use super::stats::{MapStatistics, Statistics};
 use crate::integrators::Counters;
+use crate::memory::{Resident, megabytes};
 use crate::scene::MapKind;
 use std::fmt::{self, Write};
 

@@ -18,13 +18,14 @@ mod surface;
 mod texture;
 mod touching;
 
+pub use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
 pub use contact::Borders;
 pub use crossings::Crossings;
 pub use illuminated::{IlluminatedShape, IlluminationKernel};
 pub use layered::{AlphaCutout, Coverage, LayeredMaterial, Painted, glow_of};
 pub use material::{Material, Tangent};
 pub use parts::{Geometry, LightNote, Mesh, Node, SceneParts, Surface, Target};
-pub use plan::{Decision, GuideKind, IntegratorKind, MapKind, RenderPlan, ShadowMode};
+pub use plan::{Decision, RenderPlan};
 pub use render_space::RenderSpace;
 pub use scene::{LightMedia, Scene};
 pub use shading::Shading;

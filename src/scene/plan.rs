@@ -1,51 +1,16 @@
 //! What a scene requires, decided in one place, with reasons in words.
+// A new choice of a setting does not compile until each match says what it means there.
+#![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
 use crate::lights::{LIGHTS_SAMPLED_EACH, Light};
-use serde::{Deserialize, Serialize};
+use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
+use serde::Serialize;
 use std::fmt;
 
 /// More lamps than these are not looked for in glass and mirrors, where each is looked at by itself.
 const MOST_HUNTED: usize = 256;
-
-/// How a picture is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum IntegratorKind {
-    /// Two passes: photon maps, then distribution ray tracing with final gathering (Jensen 1996).
-    PhotonMap,
-    /// One map shown directly at the first diffuse surface.
-    Photons,
-    /// Unbiased path tracing, the reference.
-    Path,
-    /// Rounds of the two passes with maps of their own, of which ever less that is biased is read (Knaus & Zwicker 2011).
-    Progressive,
-}
-
-/// Which of the photon maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum MapKind {
-    /// All photons on diffuse surfaces.
-    Global,
-    /// Photons that met only specular surfaces between the light and the surface they are stored at.
-    Caustic,
-}
-
-/// Whether photons stored along rays from the lights through the whole scene (Jensen & Christensen 1995, section 3 of
-/// Jensen 1996) tell where shadow rays are not needed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum ShadowMode {
-    /// No: every shadow ray is traced.
-    Off,
-    /// Section 4.1 of Jensen 1996 to the letter: no ray where the nearest photons are all direct or all shadow.
-    AsPrinted,
-    /// No ray where enough photons around a point agree that, with a stated confidence, less than a stated share of the
-    /// light is otherwise.
-    Bounded,
-}
 
 impl ShadowMode {
     /// Whether shadow photons answer for `light`.
@@ -61,16 +26,6 @@ impl ShadowMode {
             (Self::Bounded, Light::Point(_) | Light::Spot(_) | Light::Directional(_)) => false,
         }
     }
-}
-
-/// What helps a BSDF to draw directions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GuideKind {
-    /// Nothing.
-    None,
-    /// Photons: directions that much light came from are drawn more often (Jensen 1995).
-    Photons,
 }
 
 /// Whether something is built, and why.
@@ -240,7 +195,9 @@ impl RenderPlan {
         self.guide = match integrator {
             IntegratorKind::Photons => Decision::no("the map is shown directly"),
             _ if !facts.lit || facts.diffuse == 0 => Decision::no("no light reaches a diffuse surface"),
-            _ => Decision::yes("photons tell where indirect light comes from"),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                Decision::yes("photons tell where indirect light comes from")
+            }
         };
         if self.guide.build && !self.global_map.build {
             self.global_map = Decision::yes("its photons guide the paths; no path reads it");
@@ -295,10 +252,12 @@ impl RenderPlan {
             _ if lamps > MOST_HUNTED => {
                 Decision::no(format!("{lamps} lamps are too many to look at one by one"))
             }
-            _ => Decision::yes(format!(
-                "{} specular surface(s) may show {lamps} lamp(s) smaller than a pixel",
-                facts.specular
-            )),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                Decision::yes(format!(
+                    "{} specular surface(s) may show {lamps} lamp(s) smaller than a pixel",
+                    facts.specular
+                ))
+            }
         };
         self
     }
@@ -362,7 +321,9 @@ impl Facts {
             IntegratorKind::Photons if show != MapKind::Global => Decision::no("the other map is shown"),
             _ if !self.lit => Decision::no("there is no light"),
             _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
-            _ => Decision::yes(format!("{} diffuse surface(s) pass light on", self.diffuse)),
+            IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Progressive => {
+                Decision::yes(format!("{} diffuse surface(s) pass light on", self.diffuse))
+            }
         }
     }
 
@@ -373,7 +334,9 @@ impl Facts {
             _ if !self.lit => Decision::no("there is no light"),
             _ if self.specular == 0 => Decision::no("no specular surface, so there are no caustics"),
             _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
-            _ => Decision::yes(format!("{} specular surface(s) cast caustics", self.specular)),
+            IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Progressive => {
+                Decision::yes(format!("{} specular surface(s) cast caustics", self.specular))
+            }
         }
     }
 
@@ -384,9 +347,11 @@ impl Facts {
         let surfaces = self.glossy;
         match integrator {
             IntegratorKind::Path => Decision::no("path tracing follows one direction at a time"),
-            _ => Decision::yes(format!(
-                "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
-            )),
+            IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Progressive => {
+                Decision::yes(format!(
+                    "{surfaces} surface(s) of a roughness below {GLOSS_THRESHOLD}, too glossy for estimates from photons"
+                ))
+            }
         }
     }
 
@@ -396,7 +361,9 @@ impl Facts {
             _ if !self.lit => Decision::no("there is no light"),
             _ if self.diffuse + self.glossy == 0 => Decision::no("there is no diffuse or glossy surface"),
             _ if self.glossy == 0 => Decision::yes(format!("{lights} light(s) seen from diffuse surfaces")),
-            _ => Decision::yes(format!("{lights} light(s) seen from diffuse or glossy surfaces")),
+            IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
+                Decision::yes(format!("{lights} light(s) seen from diffuse or glossy surfaces"))
+            }
         }
     }
 

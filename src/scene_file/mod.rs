@@ -11,6 +11,7 @@ mod gltf;
 mod hash;
 pub mod ies;
 mod keyed;
+mod memory;
 pub mod mesh;
 mod mesh_file;
 mod mesh_scene;

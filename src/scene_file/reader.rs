@@ -246,16 +246,21 @@ impl<'a> Value<'a> {
 
     /// A finite number in a range.
     pub(super) fn number(&self, expected: &Expected) -> Option<f64> {
+        self.number_if(expected.what, expected.example, expected.holds)
+    }
+
+    /// A finite number for which `holds`: `what` completes "expected ...", `example` is one.
+    pub(super) fn number_if(&self, what: &str, example: &str, holds: impl Fn(f64) -> bool) -> Option<f64> {
         // A reference to a parameter that does not exist is worth its own message.
         if self.is_string() && self.whole_parameter().is_none() {
             self.string()?;
         }
         match self.as_f64() {
             Some(number) if !number.is_finite() => {
-                self.refuse_with_example(&format!("{} that is finite", expected.what), expected.example)
+                self.refuse_with_example(&format!("{what} that is finite"), example)
             }
-            Some(number) if (expected.holds)(number) => Some(number),
-            _ => self.refuse_with_example(expected.what, expected.example),
+            Some(number) if holds(number) => Some(number),
+            _ => self.refuse_with_example(what, example),
         }
     }
 
@@ -424,6 +429,11 @@ impl<'a> Table<'a> {
         if !self.known.contains(&key) {
             self.known.push(key);
         }
+        self.peek(key)
+    }
+
+    /// The same, and the key is not known by it: [`Self::finish`] refuses it.
+    pub(super) fn peek(&self, key: &'static str) -> Option<Value<'a>> {
         let entry = self.entries.iter().find(|(name, _)| name.get_ref() == key)?;
         Some(Value::new(self.context, key, entry.1))
     }

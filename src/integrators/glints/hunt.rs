@@ -144,7 +144,7 @@ impl Lamp {
                 let (radius, radiance) = (sun.angular_radius().tan(), sun.radiance.max_element());
                 Some(Self { id, centre: sun.towards(), radius, radiance, is_sun: true })
             }
-            _ => None,
+            Light::Point(_) | Light::Spot(_) | Light::Directional(_) | Light::Environment(_) => None,
         }
     }
 

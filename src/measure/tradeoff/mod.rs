@@ -13,7 +13,7 @@ pub use figures::{
 };
 pub use html::{Shown, html};
 pub use plot::svg;
-pub use sweep::{Base, Cell, KNOBS, Step, sweep};
+pub use sweep::{Base, Cell, Step, knobs, sweep};
 pub use tables::{crossing_table, csv, front_table, knob_table, points_table};
 
 /// What one cell of a sweep came to.

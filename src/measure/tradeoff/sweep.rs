@@ -1,8 +1,9 @@
 //! Which renders a sweep consists of: points to start from, and each knob one step down and up from there.
 
-use crate::photons::{Estimator, Kernel};
-use crate::render::{GuideKind, IntegratorKind, Overrides, Quality, Settings, ShadowMode};
 use crate::scene::RenderPlan;
+use crate::settings::{
+    Choices, IntegratorKind, Kind, Overrides, Part, Quality, SETTINGS, Setting, Settings, Turn,
+};
 
 /// A point of a sweep around which knobs are turned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,10 +18,7 @@ impl Base {
     /// As people call it.
     pub fn name(self) -> String {
         match self {
-            Self::Preset(Quality::Draft) => "draft".to_owned(),
-            Self::Preset(Quality::Preview) => "preview".to_owned(),
-            Self::Preset(Quality::Final) => "final".to_owned(),
-            Self::Preset(Quality::Reference) => "reference".to_owned(),
+            Self::Preset(quality) => quality.name().to_owned(),
             Self::Rounds(1) => "1 round".to_owned(),
             Self::Rounds(n) => format!("{n} rounds"),
         }
@@ -119,116 +117,102 @@ pub fn sweep(
     points.chain(turned).collect()
 }
 
-/// Names of all knobs.
-pub const KNOBS: [&str; 17] = [
-    "rounds",
-    "spp",
-    "global-photons",
-    "caustic-photons",
-    "caustic-nearest",
-    "kernel",
-    "gather-samples",
-    "cache-error",
-    "cache-samples",
-    "irradiance-cache",
-    "light-samples",
-    "shadow-photons",
-    "guide",
-    "estimator",
-    "precomputed-irradiance",
-    "visible-kernel",
-    "approximate-weight",
-];
+/// Names of all knobs, in the order in which they are turned.
+pub fn knobs() -> Vec<&'static str> {
+    SETTINGS.iter().filter(|setting| setting.knob.is_some()).map(|setting| setting.name).collect()
+}
 
+/// The steps of all knobs of what is built.
 fn steps(settings: &Settings, plan: &RenderPlan) -> Vec<Step> {
-    let mut steps = Vec::new();
-    let mut count = |knob, from: u64, factor: u64| {
-        let mut add = |to: u64, cost| {
-            if to > 0 && to != from {
-                steps.push(Step { knob, from: from.to_string(), to: to.to_string(), cost });
+    let knobs = SETTINGS.iter().filter_map(|setting| Some((setting, setting.knob?)));
+    let built = knobs.filter(|(_, knob)| is_built(knob.part, settings, plan));
+    built.flat_map(|(setting, knob)| steps_of(setting, knob.turn, &setting.text(settings))).collect()
+}
+
+/// Whether a setting that belongs to `part` matters.
+fn is_built(part: Part, settings: &Settings, plan: &RenderPlan) -> bool {
+    match part {
+        Part::Picture => true,
+        Part::Rounds => settings.integrator == IntegratorKind::Progressive,
+        Part::GlobalMap => plan.global_map.build,
+        Part::CausticMap => plan.caustic_map.build,
+        Part::AnyMap => plan.global_map.build || plan.caustic_map.build,
+        Part::Gathering => plan.final_gather.build,
+        Part::Cache => plan.irradiance_cache.build,
+        Part::LightSampling => plan.light_sampling.build,
+        Part::ShadowPhotons => plan.light_sampling.build && settings.integrator == IntegratorKind::PhotonMap,
+    }
+}
+
+/// The steps of one knob from the value `from`, which is empty where the setting has none.
+fn steps_of(setting: &Setting, turn: Turn, from: &str) -> Vec<Step> {
+    let turned: Vec<(String, f64)> = match (turn, setting.kind) {
+        (Turn::Factor(factor), Kind::Count { least, most }) => {
+            let Ok(count) = from.parse::<u64>() else { return Vec::new() };
+            let (down, up) = (count / factor, count.saturating_mul(factor).min(most));
+            let counts = [(down, 1.0), (up, factor as f64)];
+            // None at all is another picture.
+            let counts = counts.into_iter().filter(|&(to, _)| to >= least.max(1));
+            counts.map(|(to, cost)| (to.to_string(), cost)).collect()
+        }
+        (Turn::Scaled(factors), Kind::Number { least, most, .. }) => {
+            let Ok(number) = from.parse::<f64>() else { return Vec::new() };
+            let to = |factor: f64| ((number * factor).clamp(least, most) * 1000.0).round() / 1000.0;
+            factors.iter().map(|&(factor, cost)| (to(factor).to_string(), cost)).collect()
+        }
+        (Turn::Values(values, cost), _) => values.iter().map(|&to| (to.to_owned(), cost)).collect(),
+        (Turn::Others(cost), Kind::Flag) => ["true", "false"].map(|to| (to.to_owned(), cost)).to_vec(),
+        (Turn::Others(cost), Kind::Choice { names, .. }) => {
+            names.iter().map(|named| (named.name.to_owned(), cost)).collect()
+        }
+        // A row whose turn is not one of its kind; the table has none (`every_knob_turns`).
+        _ => Vec::new(),
+    };
+    let others = turned.into_iter().filter(|(to, _)| to != from);
+    others.map(|(to, cost)| Step { knob: setting.name, from: from.to_owned(), to, cost }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_knob_turns() {
+        for setting in SETTINGS {
+            let Some(knob) = setting.knob else { continue };
+            for settings in [Quality::Final.settings(), Quality::Final.progressive_settings()] {
+                let from = setting.text(&settings);
+                let steps = steps_of(setting, knob.turn, &from);
+                assert!(!steps.is_empty() || from.is_empty(), "{}", setting.name);
+                for Step { to, from, cost, .. } in steps {
+                    assert!(
+                        setting.kind.parse(&to).is_ok() && to != from && cost >= 1.0,
+                        "{} {to}",
+                        setting.name
+                    );
+                }
             }
-        };
-        add(from / factor, 1.0);
-        add(from.saturating_mul(factor), factor as f64);
-    };
-    let (gathers, caches) = (plan.final_gather.build, plan.irradiance_cache.build);
-    if let Some(rounds) = settings.rounds.filter(|_| settings.integrator == IntegratorKind::Progressive) {
-        count("rounds", rounds, 2);
+        }
     }
-    count("spp", settings.spp.into(), 2);
-    if plan.global_map.build {
-        count("global-photons", settings.global_photons, 4);
-    }
-    if plan.caustic_map.build {
-        count("caustic-photons", settings.caustic_photons, 4);
-        count("caustic-nearest", settings.caustic_nearest.into(), 2);
-    }
-    if gathers {
-        count("gather-samples", settings.gather_samples.into(), 2);
-    }
-    if caches {
-        count("cache-samples", settings.cache_samples.into(), 2);
-    }
-    if plan.light_sampling.build {
-        count("light-samples", settings.light_samples.into(), 4);
-    }
-    let mut choice = |knob, from: &str, to: &[&str], cost| {
-        let others = to.iter().filter(|&&to| to != from);
-        steps.extend(others.map(|&to| Step { knob, from: from.to_owned(), to: to.to_owned(), cost }));
-    };
-    if plan.caustic_map.build {
-        choice(
-            "kernel",
-            kernel_name(settings.kernel),
-            &["constant", "cone", "epanechnikov", "gaussian"],
-            1.2,
-        );
-    }
-    if caches {
-        let error = settings.cache_error;
-        let to = |factor: f32| ((error * factor).clamp(0.01, 1.0) * 1000.0).round() / 1000.0;
-        let (less, more) = (to(1.5).to_string(), to(1.0 / 1.5).to_string());
-        choice("cache-error", &error.to_string(), &[&less], 1.0);
-        choice("cache-error", &error.to_string(), &[&more], 2.5);
-        choice("irradiance-cache", "true", &["false"], 4.0);
-    }
-    if plan.light_sampling.build && settings.integrator == IntegratorKind::PhotonMap {
-        let mode = match settings.shadow_photons {
-            ShadowMode::Off => "off",
-            ShadowMode::AsPrinted => "as-printed",
-            ShadowMode::Bounded => "bounded",
-        };
-        choice("shadow-photons", mode, &["off", "as-printed", "bounded"], 1.5);
-    }
-    if gathers {
-        let guide = match settings.guide {
-            GuideKind::None => "none",
-            GuideKind::Photons => "photons",
-        };
-        choice("guide", guide, &["none", "photons"], 2.0);
-        choice("precomputed-irradiance", flag(settings.precomputed_irradiance), &["true", "false"], 5.0);
-        choice("approximate-weight", &settings.approximate_weight.to_string(), &["0", "0.05"], 2.0);
-    }
-    if plan.global_map.build || plan.caustic_map.build {
-        let estimator = match settings.estimator {
-            Estimator::AsPrinted => "as-printed",
-            Estimator::Corrected => "corrected",
-        };
-        choice("estimator", estimator, &["corrected", "as-printed"], 1.2);
-        choice("visible-kernel", flag(settings.visible_kernel), &["true", "false"], 2.0);
-    }
-    steps
-}
 
-fn flag(value: bool) -> &'static str {
-    if value { "true" } else { "false" }
-}
-
-fn kernel_name(kernel: Kernel) -> &'static str {
-    match kernel {
-        Kernel::Constant => "constant",
-        Kernel::Cone { .. } => "cone",
-        Kernel::Epanechnikov => "epanechnikov",
-        Kernel::Gaussian => "gaussian",
+    #[test]
+    fn steps_are_kept_within_the_limits() {
+        let turns = |name: &str, from: &str| -> Vec<(String, f64)> {
+            let setting = SETTINGS.iter().find(|setting| setting.name == name).unwrap();
+            let steps = steps_of(setting, setting.knob.unwrap().turn, from);
+            steps.into_iter().map(|step| (step.to, step.cost)).collect()
+        };
+        let owned = |steps: &[(&str, f64)]| -> Vec<(String, f64)> {
+            steps.iter().map(|&(to, cost)| (to.to_owned(), cost)).collect()
+        };
+        assert_eq!(turns("spp", "16"), owned(&[("8", 1.0), ("32", 2.0)]));
+        assert_eq!(turns("spp", "1"), owned(&[("2", 2.0)]));
+        assert_eq!(turns("global-photons", "0"), []);
+        assert_eq!(turns("cache-samples", "4"), owned(&[("8", 2.0)]));
+        assert_eq!(turns("cache-error", "0.25"), owned(&[("0.375", 1.0), ("0.167", 2.5)]));
+        assert_eq!(turns("cache-error", "1"), owned(&[("0.667", 2.5)]));
+        assert_eq!(turns("visible-kernel", "false"), owned(&[("true", 2.0)]));
+        assert_eq!(turns("rounds", ""), []);
+        assert_eq!(turns("kernel", "cone").len(), 3);
     }
 }

@@ -193,13 +193,22 @@ impl Grid {
     /// Integral of the density over `line` from 0 to `t_max`: the sum over all voxels on the way, between which the density is a cubic
     /// along the line, so that Simpson's rule is exact.
     pub fn integral(&self, line: &Line, t_max: f64) -> f64 {
-        let at = |t: f64| self.at(line.at(t));
-        let piece = |segment: Segment| {
-            let Segment { t0, t1, majorant, minorant } = segment;
-            let mean = (at(t0) + 4.0 * at(0.5 * (t0 + t1)) + at(t1)) / 6.0;
-            (t1 - t0) * mean.clamp(minorant, majorant)
-        };
-        self.segments(line, t_max, 0.0).map(piece).sum()
+        let mut walk = self.segments(line, t_max, 0.0);
+        let scale = f64::from(super::LEAF_SIDE);
+        let (origin, direction) = (walk.origin * scale, walk.direction * scale);
+        let mut sum = 0.0;
+        loop {
+            while let Some((voxel, t0, t1, corners)) = walk.next_cell() {
+                let from = origin - voxel.as_dvec3();
+                let at = |t: f64| interpolate(corners, (from + direction * t).clamp(DVec3::ZERO, DVec3::ONE));
+                sum += (t1 - t0) * (at(t0) + 4.0 * at(0.5 * (t0 + t1)) + at(t1)) / 6.0;
+            }
+            match walk.enter() {
+                None => return sum,
+                Some(None) => {}
+                Some(Some(constant)) => sum += (constant.t1 - constant.t0) * constant.majorant,
+            }
+        }
     }
 
     /// Voxels that `line` passes over a unit of its length.
@@ -246,18 +255,43 @@ pub struct GridSegments<'a> {
 }
 
 impl GridSegments<'_> {
-    /// The next segment between voxels of the present leaf.
-    fn next_voxel(&mut self) -> Option<Segment> {
+    /// The next cell between voxels of the present leaf that is not empty, if that leaf was divided: its lower voxel, the parameters between
+    /// which the line is in it, and the values of its corners.
+    fn next_cell(&mut self) -> Option<(IVec3, f64, f64, [f32; 8])> {
         for (voxel, t0, t1) in self.voxels.as_mut()?.by_ref() {
             let corners = self.grid.corners(voxel);
-            let (low, high) =
-                corners.into_iter().fold((f32::INFINITY, 0.0f32), |(low, high), v| (low.min(v), high.max(v)));
-            if high > 0.0 {
-                return Some(Segment { t0, t1, majorant: f64::from(high), minorant: f64::from(low) });
+            if corners.iter().any(|&v| v > 0.0) {
+                return Some((voxel, t0, t1, corners));
             }
         }
         self.voxels = None;
         None
+    }
+
+    /// Goes on to the next leaf, and returns its segment where it is not to be divided.
+    fn enter(&mut self) -> Option<Option<Segment>> {
+        loop {
+            if let Some((leaf, segment)) = self.next_leaf() {
+                let Segment { t0, t1, majorant, minorant } = segment;
+                if (majorant - minorant) * (t1 - t0) <= self.finest {
+                    return Some(Some(segment));
+                }
+                let scale = f64::from(super::LEAF_SIDE);
+                let low = leaf << LEAF_BITS as i32;
+                let high = low + super::LEAF_SIDE as i32;
+                let (origin, direction) = (self.origin * scale, self.direction * scale);
+                self.voxels = Some(Cells::new(origin, direction, (t0, t1), low, high));
+                return Some(None);
+            }
+            let (node, t0, t1) = self.nodes.next()?;
+            let table = self.grid.node_table[linear(node - self.grid.first_node, self.grid.nodes)];
+            if table != NOTHING {
+                let low = node << NODE_BITS as i32;
+                let high = low + (1 << NODE_BITS);
+                let leaves = Cells::new(self.origin, self.direction, (t0, t1), low, high);
+                self.leaves = Some((leaves, table as usize * NODE_LEAVES));
+            }
+        }
     }
 
     /// The next leaf of the present node, with the parameters between which the line is in it.
@@ -281,28 +315,13 @@ impl Iterator for GridSegments<'_> {
 
     fn next(&mut self) -> Option<Segment> {
         loop {
-            if let Some(segment) = self.next_voxel() {
+            if let Some((_, t0, t1, corners)) = self.next_cell() {
+                let range = |(low, high): (f32, f32), v: f32| (low.min(v), high.max(v));
+                let (low, high) = corners.into_iter().fold((f32::INFINITY, 0.0), range);
+                return Some(Segment { t0, t1, majorant: f64::from(high), minorant: f64::from(low) });
+            }
+            if let Some(segment) = self.enter()? {
                 return Some(segment);
-            }
-            if let Some((leaf, segment)) = self.next_leaf() {
-                let Segment { t0, t1, majorant, minorant } = segment;
-                if (majorant - minorant) * (t1 - t0) <= self.finest {
-                    return Some(segment);
-                }
-                let scale = f64::from(super::LEAF_SIDE);
-                let low = leaf << LEAF_BITS as i32;
-                let high = low + super::LEAF_SIDE as i32;
-                let (origin, direction) = (self.origin * scale, self.direction * scale);
-                self.voxels = Some(Cells::new(origin, direction, (t0, t1), low, high));
-                continue;
-            }
-            let (node, t0, t1) = self.nodes.next()?;
-            let table = self.grid.node_table[linear(node - self.grid.first_node, self.grid.nodes)];
-            if table != NOTHING {
-                let low = node << NODE_BITS as i32;
-                let high = low + (1 << NODE_BITS);
-                let leaves = Cells::new(self.origin, self.direction, (t0, t1), low, high);
-                self.leaves = Some((leaves, table as usize * NODE_LEAVES));
             }
         }
     }

@@ -117,10 +117,14 @@ impl Checkpoint {
         identity: Option<&Identity>,
         empty: [Film; 2],
     ) -> Result<Self, CheckpointError> {
-        let failed = |error: io::Error| match error.kind() {
-            ErrorKind::UnexpectedEof => damaged(path, "ends too early; it is damaged"),
-            ErrorKind::InvalidData => damaged(path, "is damaged"),
-            _ => CheckpointError::Read { path: path.to_owned(), error },
+        let failed = |error: io::Error| {
+            if error.kind() == ErrorKind::UnexpectedEof {
+                damaged(path, "ends too early; it is damaged")
+            } else if error.kind() == ErrorKind::InvalidData {
+                damaged(path, "is damaged")
+            } else {
+                CheckpointError::Read { path: path.to_owned(), error }
+            }
         };
         let mut from = Hashing::new(from);
         let mut magic = [0; MAGIC.len()];

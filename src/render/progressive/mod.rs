@@ -16,13 +16,13 @@ use super::job::{
     PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, check_media, statistics,
 };
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
-use super::observer::Observer;
 use super::pace::Pace;
 use super::settings::Settings;
 use super::stats::Statistics;
 use crate::camera::Camera;
 use crate::film::{Film, FilmError, LayerSet};
 use crate::integrators::{Counters, Narrowing, PhotonBudget, PhotonMapSettings};
+use crate::observer::Observer;
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use checkpoint::{Header, Identity};
 use law::Areas;

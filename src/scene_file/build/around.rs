@@ -3,7 +3,7 @@
 
 use super::place::{choose_normals, similarity};
 use super::{BuildError, BuildProblem, begin_reading, error_of};
-use crate::render::Observer;
+use crate::observer::Observer;
 use crate::scene_file::description::{
     CameraDescription, FitDescription, FitMoves, GeometryDescription, LightDescription, Named,
     ProfileBrightness, SceneDescription, SceneWarning, ShapeDescription,

@@ -26,7 +26,7 @@ use crate::image_io::ImageError;
 use crate::lights::{AreaLight, Light};
 use crate::math::Bounds3;
 use crate::media::{MOST_MEDIA_OF_SCENE, MediumId};
-use crate::render::{Observer, Silent};
+use crate::observer::{Observer, Silent};
 use crate::scene::{
     Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
     Scene, SceneParts, Surface, Target,

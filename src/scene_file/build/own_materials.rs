@@ -3,7 +3,7 @@
 use super::{BuildError, BuildProblem, begin_reading, error_of, gltf_shapes};
 use crate::bsdf::{Bsdf, Form, LayeredParameters, Ward};
 use crate::image_io::{Image, ImageError, Layer};
-use crate::render::Observer;
+use crate::observer::Observer;
 use crate::scene::{Coverage, LayeredMaterial};
 use crate::scene_file::description::{
     EmissionDescription, GeometryDescription, MaterialDescription, MediumDescription, MeshNormals, Named,

@@ -2,7 +2,7 @@
 
 use super::check::Report;
 use super::error::{Failure, fail};
-use crate::render::{MemoryError, MemoryEstimate};
+use crate::memory::{MemoryError, MemoryEstimate};
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};

@@ -1,5 +1,5 @@
 use crate::image_io::ImageError;
-use crate::render::MemoryError;
+use crate::memory::MemoryError;
 use std::path::PathBuf;
 
 /// Why a glTF file was refused: the file, the object in it, what is wrong, and what to do.

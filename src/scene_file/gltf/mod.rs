@@ -38,7 +38,8 @@ use super::description::{
 use super::diagnostic::suggestion;
 use super::room::Choice;
 use crate::files::read_regular;
-use crate::render::{MemoryError, MemoryEstimate, Overrides};
+use crate::memory::{MemoryError, MemoryEstimate};
+use crate::settings::Overrides;
 use crate::textures::VertexData;
 use glam::{DAffine3, DVec3};
 use serde_json::Value;

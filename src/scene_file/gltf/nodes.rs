@@ -4,7 +4,7 @@ use super::check::Report;
 use super::data::Data;
 use super::error::{Failure, fail};
 use super::materials::LUMENS_PER_WATT;
-use crate::render::{INSTANCE, LIGHT};
+use crate::memory::{INSTANCE, LIGHT};
 use crate::scene_file::description::{CameraDescription, FovAxis, LightDescription, Location};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use gltf::Semantic;

@@ -3,7 +3,7 @@
 use super::container::split_head;
 use super::nodes::{Hierarchy, Pose};
 use super::primitives::{BYTES_OF_TRIANGLE, BYTES_OF_VERTEX};
-use crate::render::MemoryEstimate;
+use crate::memory::MemoryEstimate;
 use crate::scene_file::mesh_size::MeshSize;
 use gltf::Semantic;
 use gltf::mesh::Mode;

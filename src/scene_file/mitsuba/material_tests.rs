@@ -4,7 +4,7 @@ use super::mitsuba_scene_within;
 use super::tests::{layered, material, read, scene};
 use crate::bsdf::{Body, Bsdf};
 use crate::math::Rgb;
-use crate::render::MemoryEstimate;
+use crate::memory::MemoryEstimate;
 use crate::scene::Coverage;
 use crate::scene_file::description::{GeometryDescription, MaterialDescription};
 use glam::{DVec3, Vec2, Vec3};

@@ -7,6 +7,7 @@ mod materials;
 mod media;
 mod names;
 mod objects;
+mod settings;
 mod shapes;
 #[cfg(test)]
 mod tests;
@@ -164,7 +165,7 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
     let camera = section(&mut table, "camera").map(|camera| view::read_camera(camera, unit));
     let film = section(&mut table, "film").map_or(Some(view::default_film()), view::read_film);
     let render = section(&mut table, "render")
-        .map_or(Some(Default::default()), |table| view::read_render(table, unit));
+        .map_or(Some(Default::default()), |table| settings::read_render(table, unit));
     let (mut media, media_names) = media::read_media(section(&mut table, "media"), unit);
     let (textures, texture_names) = textures::read_textures(section(&mut table, "textures"), unit);
     let material_tables = section(&mut table, "materials");

@@ -1,8 +1,8 @@
 use super::*;
 use crate::math::Rgb;
-use crate::photons::Kernel;
-use crate::render::Quality;
 use crate::scene_file::diagnostic::Diagnostic;
+use crate::settings::Kernel;
+use crate::settings::Quality;
 use glam::DVec3;
 use proptest::prelude::*;
 use std::path::PathBuf;
@@ -348,6 +348,13 @@ fn every_error_has_a_place_and_a_remedy() {
         (scene("[render]\nseed = -1"), "2:8", &["a whole number from 0"]),
         (scene("[render]\ncone-k = 0.5"), "2:10", &["from 1 to 1000"]),
         (scene("[render]\nkernel = \"constant\"\ncone-k = 2"), "3:10", &["belongs to the cone", "leave"]),
+        (scene("[render]\nspp = 16777217"), "2:7", &["from 1 to 16777216", "write for example `spp = 1`"]),
+        (scene("[render]\ncaustic-reuse = 2"), "2:17", &["a share from 0 to 1", "write for example"]),
+        (
+            scene("[render]\nphotons-memory = 1e9"),
+            "2:18",
+            &["`photons-memory` is no setting of scene files", "--photons-memory"],
+        ),
         (scene("[media.air]\nior = 2"), "1:8", &["`air` cannot be defined anew", "another name"]),
         (scene("[media.x]\nior = 0.9"), "2:7", &["from 1 to 100"]),
         (scene("[media.x]\nabsorption = 1"), "1:1", &["[media.x] has no `ior`"]),

@@ -1,3 +1,5 @@
+//! Who follows a long computation: shows its progress, and may end it.
+
 use std::time::{Duration, Instant};
 
 /// Follows a render: shows progress, and may ask it to stop.
@@ -20,7 +22,7 @@ pub trait Observer: Sync {
     fn foresee(&self, _left: Duration, _remedy: &str) {}
 
     /// When rendering is to end, if that is known: tracing photons then takes no more than a share of the time that is
-    /// left (`PHOTON_SHARE` in `maps.rs`).
+    /// left (`PHOTON_SHARE` in `render/maps.rs`).
     fn deadline(&self) -> Option<Instant> {
         None
     }

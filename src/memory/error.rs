@@ -1,0 +1,65 @@
+//! What is refused for the memory that it would take, and what to ask for instead.
+
+use super::estimate::{MemoryEstimate, megabytes};
+
+/// A tree counts its points in 32 bits; with room for the 10 % by which photons may exceed what was asked for.
+pub(crate) const MOST_PHOTONS: u64 = 3_900_000_000;
+
+/// Photon maps that cannot be held.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum MemoryError {
+    /// In no map.
+    #[error(
+        "{asked} photons in the {map} map are more than a map holds; ask for at most {MOST_PHOTONS} with \
+         --{map}-photons"
+    )]
+    Count {
+        /// "global" or "caustic".
+        map: &'static str,
+        /// As asked for.
+        asked: u64,
+    },
+    /// In this machine.
+    #[error(
+        "{global} global and {caustic} caustic photons take {:.1} GB while their maps are built, and {:.1} GB are \
+         available; ask for fewer with --global-photons and --caustic-photons, or for as many as fit into some memory, \
+         for example --photons-memory {:.1}GB",
+        *.needed as f64 / 1e9, *.available as f64 / 1e9, 0.4 * *.available as f64 / 1e9
+    )]
+    Available {
+        /// Global photons asked for.
+        global: u64,
+        /// Caustic photons asked for.
+        caustic: u64,
+        /// Bytes that they take at the worst moment.
+        needed: u64,
+        /// Bytes that are free.
+        available: u64,
+    },
+    /// With everything else.
+    #[error(
+        "{} takes {} {}: {}; and {} {}; {}",
+        match estimate.triangles {
+            0..50_000 => "the scene".to_owned(),
+            triangles => format!("a scene of {:.1} million triangles", triangles as f64 / 1e6),
+        },
+        megabytes(estimate.peak()),
+        estimate.worst().0,
+        estimate.parts(),
+        megabytes(*most),
+        if *is_limit { "are allowed by --memory-limit" } else { "are available" },
+        if *is_limit {
+            "raise the limit, or render a smaller mesh, a smaller picture or fewer photons"
+        } else {
+            "render a smaller mesh, a smaller picture or fewer photons, or set --memory-limit if you know better"
+        },
+    )]
+    Scene {
+        /// What takes how much.
+        estimate: MemoryEstimate,
+        /// Bytes that it may take.
+        most: u64,
+        /// Whether somebody set them, or the machine has no more.
+        is_limit: bool,
+    },
+}
