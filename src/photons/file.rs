@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 const MAGIC: [u8; 8] = *b"\x89CPM\r\n\x1a\n";
 
 /// Version of the layout that this program writes and reads.
-pub const PHOTON_FILE_VERSION: u32 = 2;
+pub const PHOTON_FILE_VERSION: u32 = 3;
 
 /// Reads as these bytes in a little-endian file.
 const BYTE_ORDER: u32 = 0x0403_0201;

@@ -19,6 +19,11 @@ const LEAF: usize = 8;
 /// `exp(-32)` of those that have no nearer point, and in a corner of three surfaces for all but `exp(-10)`.
 const NEIGHBOURS: usize = 32;
 
+/// Share of that distance, that of about the third neighbour, within which a point answers for places that something stands nearer than,
+/// and everywhere if its neighbours lie far apart. Where photons are few, the ground in front of a house else answers for the floor
+/// inside, through the window, and a patch of sun for the floor around it.
+const SHARE_OF_REACH: f32 = 0.3;
+
 /// Share of the distance to what a point faces beyond which its neighbours lie too far apart to show where direct light ends: over
 /// such lengths shadows change, and the place asks the lights itself.
 const LARGEST_SHARE_OF_OUTLOOK: f32 = 0.25;
@@ -60,7 +65,8 @@ struct Value {
     /// in the open, and for [`IrradianceMap::near`] a share of the radius of its estimate. Zero where the point answers for no
     /// place. With its sign set where light straight from the lights is left out of the irradiance.
     felt: f32,
-    /// Distance of the neighbour that ends what the point answers for ([`NEIGHBOURS`]).
+    /// Distance of the neighbour that ends what the point answers for ([`NEIGHBOURS`], [`SHARE_OF_REACH`]). With its sign set where
+    /// neighbours lie too far apart ([`LARGEST_SHARE_OF_OUTLOOK`]).
     reach: f32,
 }
 
@@ -75,6 +81,9 @@ pub struct PointIrradiance {
 
 /// Bytes of a point in a file: position, irradiance, reach, normal, little-endian.
 pub(super) const IRRADIANCE_RECORD: usize = 22;
+
+/// Bit beside the code of the normal in a file: the point's neighbours lie too far apart ([`LARGEST_SHARE_OF_OUTLOOK`]).
+const SPARSE: u16 = 1 << 15;
 
 /// A place and its irradiance, before there is a tree.
 #[derive(Clone, Copy)]
@@ -92,6 +101,8 @@ pub(super) struct IrradiancePoint {
     outlook: f32,
     /// Whether its estimate rests on fewer than half of the photons that were asked for.
     is_poor: bool,
+    /// Whether its neighbours are known to lie too far apart, as for a point of a file.
+    is_sparse: bool,
 }
 
 impl Point for IrradiancePoint {
@@ -193,6 +204,7 @@ impl PhotonMap {
                         is_direct: false,
                         outlook: 0.0,
                         is_poor: false,
+                        is_sparse: false,
                     };
                 }
                 let by_lights = direct.and_then(|direct| direct(i as u64, photon.position, normal));
@@ -223,6 +235,7 @@ impl PhotonMap {
                         noting.sight.outlook(LARGEST_OUTLOOK * by_photons.radius)
                     },
                     is_poor: (by_photons.photons as usize) < template.k / 2,
+                    is_sparse: false,
                 }
             })
             .collect();
@@ -272,10 +285,11 @@ impl IrradianceMap {
             .with_max_len(1024)
             .map_init(Vec::new, |keys, point| {
                 let reach = spacing(&tree, point.position, keys);
-                let is_sparse = reach > LARGEST_SHARE_OF_OUTLOOK * point.outlook;
+                let is_sparse = point.is_sparse || reach > LARGEST_SHARE_OF_OUTLOOK * point.outlook;
                 // An estimate that blurs a whole room is no estimate of this place; and places that are answered where photons happen to
                 // lie, and sampled elsewhere, are too bright in the mean.
                 let felt = if is_sparse && point.is_poor { 0.0 } else { point.reach };
+                let reach = if is_sparse { -SHARE_OF_REACH * reach } else { reach };
                 match point.reflected {
                     Some(irradiance) if is_sparse || is_mostly_direct(&points, point, keys) => {
                         Value { irradiance, felt: -felt, reach }
@@ -289,7 +303,7 @@ impl IrradianceMap {
 
     /// Point `index`, in the map's own order, as files hold it.
     pub(super) fn record(&self, index: usize) -> [u8; IRRADIANCE_RECORD] {
-        let Value { irradiance, felt: reach, .. } = self.values[index];
+        let Value { irradiance, felt, reach } = self.values[index];
         let mut bytes = [0; IRRADIANCE_RECORD];
         let coordinates = self.tree.position(index).to_array();
         coordinates
@@ -297,8 +311,9 @@ impl IrradianceMap {
             .enumerate()
             .for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
         bytes[12..16].copy_from_slice(&irradiance.0);
-        bytes[16..20].copy_from_slice(&reach.to_le_bytes());
-        bytes[20..].copy_from_slice(&self.tree.tag(index).to_le_bytes());
+        bytes[16..20].copy_from_slice(&felt.to_le_bytes());
+        let sparse = if reach.is_sign_negative() { SPARSE } else { 0 };
+        bytes[20..].copy_from_slice(&(self.tree.tag(index) | sparse).to_le_bytes());
         bytes
     }
 
@@ -307,17 +322,18 @@ impl IrradianceMap {
         let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
         let position = Vec3::from_array([0, 4, 8].map(|at| f32::from_le_bytes(word(at))));
         let reach = f32::from_le_bytes(word(16));
-        let normal = u16::from_le_bytes([bytes[20], bytes[21]]);
+        let code = u16::from_le_bytes([bytes[20], bytes[21]]);
         let is_sound = position.is_finite() && !reach.is_nan();
         is_sound.then_some(IrradiancePoint {
             position,
             irradiance: Rgbe(word(12)),
             reach,
-            normal,
+            normal: code & !SPARSE,
             reflected: None,
             is_direct: false,
             outlook: f32::INFINITY,
             is_poor: false,
+            is_sparse: code & SPARSE != 0,
         })
     }
 
@@ -364,7 +380,8 @@ impl IrradianceMap {
     /// A point answers for places of its own surface no farther than its neighbours lie (those above or below it count as
     /// farther, as in [`super::SearchRegion::Disc`]) to which `connects` knows a free way (position and normal of the point).
     /// Where some of those points felt nothing between them and the place, the nearest of these: a point at the foot of a wall
-    /// does not answer for what lies behind the wall.
+    /// does not answer for what lies behind the wall. Where none did, only points answer that are as near as their third neighbour, and
+    /// where the nearest is one that knows nothing of its places, none does.
     pub fn nearest(
         &self,
         (position, normal): (Vec3, Vec3),
@@ -386,6 +403,10 @@ impl IrradianceMap {
             self.tree.search(position, &mut answering);
             let index = index_of(answering.best()?);
             let Value { irradiance, felt, .. } = self.values[index];
+            // Where photons are too few near the place, more of them farther off do not tell what arrives here.
+            if felt == 0.0 {
+                return None;
+            }
             if self.connects(index, &connects) {
                 return Some(PointIrradiance {
                     irradiance: irradiance.decode(),
@@ -471,11 +492,14 @@ impl Visitor<LEAF> for Answering<'_> {
             }
             let Value { felt, reach, .. } = self.map.values[index];
             let v = block.position(lane) - self.place.0;
-            if !(felt != 0.0 && flattened(distance_squared, v, normals) <= reach * reach) {
+            let is_open = distance_squared <= felt * felt;
+            // Points without an answer stand for their places as well, which have none.
+            let reach = if is_open || felt == 0.0 || reach < 0.0 { reach } else { SHARE_OF_REACH * reach };
+            if !(flattened(distance_squared, v, normals) <= reach * reach) {
                 continue;
             }
             self.any = self.any.min(key);
-            if distance_squared <= felt * felt {
+            if is_open || felt == 0.0 {
                 self.open = key;
                 self.bound = distance_squared;
             }
@@ -757,5 +781,38 @@ mod tests {
         assert!(found.lacks_direct && found.irradiance == Rgb::ZERO, "{found:?}");
         assert!(map.only(PhotonClasses::only(PhotonClass::Indirect)).is_empty());
         assert_eq!(map.only(PhotonClasses::only(PhotonClass::Direct)).len(), 20_000);
+    }
+
+    #[test]
+    fn a_point_next_to_something_answers_for_places_close_by_alone() {
+        // Of a lattice of spacing 1 the last point, whose neighbour number 32 is some 4.5 away.
+        let at = |reach: f32, is_sparse: bool| {
+            let point = |i: u16| IrradiancePoint {
+                position: Vec3::new(f32::from(i % 10), 0.0, f32::from(i / 10)),
+                irradiance: Rgbe::encode_dithered(Rgb::ONE, 0.5),
+                reach,
+                normal: normal_code(Vec3::Y),
+                reflected: None,
+                is_direct: false,
+                outlook: f32::INFINITY,
+                is_poor: false,
+                is_sparse,
+            };
+            IrradianceMap::of_points((0..100).map(point).collect())
+        };
+        let answers = |map: &IrradianceMap, beyond: f32| {
+            map.nearest((Vec3::new(9.0 + beyond, 0.0, 5.0), Vec3::Y), 100.0, |_, _| true).is_some()
+        };
+        let (open, walled, sparse) = (at(f32::INFINITY, false), at(0.5, false), at(f32::INFINITY, true));
+        assert!(answers(&open, 3.0) && !answers(&open, 6.0));
+        for limited in [&walled, &sparse] {
+            assert!(answers(limited, 1.0) && !answers(limited, 3.0));
+        }
+        // Points that answer for nothing are not passed over for others farther away.
+        assert!(!answers(&at(0.0, false), 0.1));
+        // What is known of the neighbours survives a file.
+        let read = (0..sparse.len())
+            .map(|i| IrradianceMap::point(sparse.record(i)).unwrap_or_else(|| panic!("{i}")));
+        assert!(!answers(&IrradianceMap::of_points(read.collect()), 3.0));
     }
 }

@@ -1,7 +1,7 @@
 //! Photons are read where they are valid: rooms that stand on lit ground, closed bodies, surfaces above one another.
 
 use crate::support::*;
-use cardioid::render::{IntegratorKind, MapKind, Overrides, Rounds, Silent, render_in_rounds};
+use cardioid::render::{IntegratorKind, MapKind, Overrides, Quality, Rounds, Silent, render_in_rounds};
 
 /// A closed room of 4 x 2.5 x 4 m, whose floor is at height zero, with walls of this thickness (zero: a box seen from within) that
 /// stands on sunlit ground of this radius, 5 cm below the floor's underside.
@@ -177,4 +177,21 @@ emission = {{ radiance = 20.0 }}
         );
         assert_dark(&text, &format!("{thickness} thick, {shape}"));
     }
+}
+
+/// Some hundred photons reach the room, most of them in the patch of sun: points with precomputed irradiance answer for the places around
+/// them, not for the whole floor, and the ground before the window answers for nothing inside. Before that the room was 14 % too bright.
+///
+/// Seeds of the photon map scatter by 1.7 %, paths by 0.3 %: the mean of six is off by 0.8 %.
+#[test]
+fn few_photons_light_a_room_no_more_than_paths_do() {
+    const SEEDS: u64 = 6;
+    let stage = Stage::load("room", (24, 18));
+    let indirect = |overrides: Overrides| stage.shoot(&overrides).mean("indirect").iter().sum::<f64>();
+    let paths = indirect(Overrides { spp: Some(1024), ..path() });
+    let draft = |seed| {
+        indirect(Overrides { quality: Some(Quality::Draft), spp: Some(8), seed: Some(seed), ..photon_map() })
+    };
+    let ratio = (1..=SEEDS).map(draft).sum::<f64>() / SEEDS as f64 / paths;
+    assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
 }

@@ -386,7 +386,9 @@ impl PhotonMapIntegrator<'_> {
         if let (Some(irradiance), Some(lambert)) = (&self.maps.irradiance, shading.bsdf.lambertian()) {
             let connects = |place, facing| self.scene.connects(hit, place, facing);
             let (position, normal) = (hit.point.position, hit.facing_normal());
-            let found = irradiance.nearest((position, normal), POOR_REACH * largest, connects)?;
+            // What lies farther away than the place that sees this one is in another part of the scene.
+            let reach = (POOR_REACH * largest).min(hit.distance);
+            let found = irradiance.nearest((position, normal), reach, connects)?;
             let reflected = lambert.reflectance * found.irradiance * FRAC_1_PI;
             return Some(if found.lacks_direct {
                 reflected + self.direct_at(at, u, scratch)

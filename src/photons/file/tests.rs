@@ -113,7 +113,7 @@ fn messages_say_what_it_is_and_what_to_do() {
         ),
         (vec![b'x'; 500], ["is not a file of photon maps", "make one"]),
         (bytes[..bytes.len() / 2].to_vec(), ["incomplete", "copy it again"]),
-        (other, ["is of version 1", "reads version 2"]),
+        (other, ["is of version 1", "reads version 3"]),
         (in_global, ["its global map", "make it again"]),
     ] {
         let message = read(&bytes).unwrap_err().to_string();
