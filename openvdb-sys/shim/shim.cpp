@@ -1,20 +1,21 @@
 #include "shim.h"
 
+#include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Dense.h>
 
 #include <algorithm>
 #include <cstring>
 #include <exception>
+#include <fstream>
 #include <memory>
 #include <new>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 struct VdbFile {
-  std::unique_ptr<openvdb::io::File> file;
-  std::vector<std::string> names;  // unique, by which grids are read
-  std::vector<openvdb::GridBase::ConstPtr> grids;  // without voxels
+  std::vector<openvdb::GridBase::Ptr> grids;
 };
 
 struct VdbGrid {
@@ -49,6 +50,8 @@ template<typename Result, typename Function> Result guard(Result failure, VdbErr
     return function();
   } catch (const std::bad_alloc&) {
     describe("out of memory");
+  } catch (const std::ios_base::failure&) {
+    describe("the file ends too early, or cannot be read");
   } catch (const std::exception& exception) {
     describe(exception.what());
   } catch (...) {
@@ -90,13 +93,22 @@ VdbFile* vdb_open(const char* path, VdbError* error)
   return guard<VdbFile*>(nullptr, error, [&] {
     initialise();
     auto opened = std::make_unique<VdbFile>();
-    opened->file = std::make_unique<openvdb::io::File>(path);
-    // At once: a file that changes while it is mapped would end the process.
-    opened->file->open(/*delayLoad=*/false);
-    for (auto name = opened->file->beginName(); name != opened->file->endName(); ++name) {
-      opened->names.push_back(name.gridName());
-      opened->grids.push_back(opened->file->readGridMetadata(name.gridName()));
-    }
+    // As a stream, which throws at the end of the file: OpenVDB's own files read on behind it, and a wrong count then takes hours.
+    std::ifstream stream;
+    stream.exceptions(std::ios_base::badbit | std::ios_base::failbit);
+    stream.open(path, std::ios_base::in | std::ios_base::binary);
+    // OpenVDB reads on in files that are newer than itself, and prints that.
+    char head[12];
+    stream.read(head, sizeof head);
+    uint32_t version;
+    std::memcpy(&version, head + 8, sizeof version);
+    if (version > openvdb::OPENVDB_FILE_VERSION || version < openvdb::OPENVDB_FILE_VERSION_ROOTNODE_MAP)
+      throw std::runtime_error("its version is " + std::to_string(version) + ", which this OpenVDB cannot read (up to " +
+                               std::to_string(openvdb::OPENVDB_FILE_VERSION) + "): write it anew with another version");
+    stream.seekg(0);
+    openvdb::io::Stream read(stream, /*delayLoad=*/false);
+    for (const auto& grid : *read.getGrids())
+      if (grid) opened->grids.push_back(grid);
     return opened.release();
   });
 }
@@ -135,11 +147,11 @@ bool vdb_grid_info(const VdbFile* file, int32_t number, VdbInfo* info)
   });
 }
 
-VdbGrid* vdb_grid_read(VdbFile* file, int32_t number, VdbError* error)
+VdbGrid* vdb_grid_open(VdbFile* file, int32_t number, VdbError* error)
 {
   return guard<VdbGrid*>(nullptr, error, [&]() -> VdbGrid* {
-    if (number < 0 || static_cast<size_t>(number) >= file->names.size()) throw std::runtime_error("no such grid");
-    auto read = openvdb::gridPtrCast<openvdb::FloatGrid>(file->file->readGrid(file->names[static_cast<size_t>(number)]));
+    if (number < 0 || static_cast<size_t>(number) >= file->grids.size()) throw std::runtime_error("no such grid");
+    auto read = openvdb::gridPtrCast<openvdb::FloatGrid>(file->grids[static_cast<size_t>(number)]);
     if (!read) throw std::runtime_error("the grid is not of floats");
     return std::make_unique<VdbGrid>(std::move(read)).release();
   });

@@ -27,7 +27,7 @@ typedef enum VdbClass {
   VDB_CLASS_STAGGERED = 3,
 } VdbClass;
 
-/// Description of a grid, without its voxels.
+/// Description of a grid.
 typedef struct VdbInfo {
   /// NUL-terminated, cut where it is too long.
   char name[256];
@@ -45,21 +45,21 @@ typedef struct VdbInfo {
 /// Version of the OpenVDB that is loaded: major * 10000 + minor * 100 + patch.
 int32_t vdb_version(void);
 
-/// A file whose grids are described. To be closed.
+/// What was read of a file. To be closed.
 typedef struct VdbFile VdbFile;
 
-/// Null where it cannot be read.
+/// Reads the file whole. Null where it cannot be read.
 VdbFile* vdb_open(const char* path, VdbError* error);
 void vdb_close(VdbFile* file);
 int32_t vdb_grid_count(const VdbFile* file);
 /// False where there is no grid of this number.
 bool vdb_grid_info(const VdbFile* file, int32_t number, VdbInfo* info);
 
-/// A grid of floats with its voxels. To be freed.
+/// A grid of floats. To be freed; it outlives its file.
 typedef struct VdbGrid VdbGrid;
 
-/// Null where it cannot be read, or is not of floats.
-VdbGrid* vdb_grid_read(VdbFile* file, int32_t number, VdbError* error);
+/// Null where there is none of this number, or it is not of floats.
+VdbGrid* vdb_grid_open(VdbFile* file, int32_t number, VdbError* error);
 void vdb_grid_free(VdbGrid* grid);
 
 /// Value where there are no voxels.

@@ -81,7 +81,7 @@ pub struct GridInfo {
     pub to_world: Option<[[f64; 3]; 4]>,
 }
 
-/// An open file.
+/// A file that was read.
 pub struct VdbFile {
     shim: &'static Shim,
     file: NonNull<bindings::VdbFile>,
@@ -125,7 +125,7 @@ impl fmt::Debug for VdbGrid {
 }
 
 impl VdbFile {
-    /// Opens the file at `path` and reads the descriptions of its grids. The first call loads OpenVDB.
+    /// Reads the file at `path` with all of its grids. The first call loads OpenVDB.
     ///
     /// # Errors
     /// Where OpenVDB cannot be loaded, or says that it cannot read the file.
@@ -140,7 +140,7 @@ impl VdbFile {
 
     /// Descriptions of all grids, in the order of the file.
     pub fn grids(&self) -> Vec<GridInfo> {
-        // SAFETY: the file is open.
+        // SAFETY: the file is there.
         let count = unsafe { self.shim.vdb_grid_count(self.file.as_ptr()) };
         (0..count).filter_map(|number| self.info(number)).collect()
     }
@@ -154,7 +154,7 @@ impl VdbFile {
             is_linear: false,
             to_world: [0.0; 12],
         };
-        // SAFETY: the file is open, and the description is a structure of its own.
+        // SAFETY: the file is there, and the description is a structure of its own.
         let is_there = unsafe { self.shim.vdb_grid_info(self.file.as_ptr(), number, &mut info) };
         let m = info.to_world;
         let rows = [0, 3, 6, 9].map(|i| [m[i], m[i + 1], m[i + 2]]);
@@ -172,15 +172,15 @@ impl VdbFile {
         })
     }
 
-    /// Reads the voxels of the grid with this number in [`Self::grids`].
+    /// The voxels of the grid with this number in [`Self::grids`]. It keeps them when the file is dropped.
     ///
     /// # Errors
-    /// What OpenVDB says, or that the grid is not of floats.
-    pub fn read(&mut self, number: usize) -> Result<VdbGrid, Error> {
+    /// Where there is no such grid, or it is not of floats.
+    pub fn grid(&self, number: usize) -> Result<VdbGrid, Error> {
         let mut error = no_error();
         let number = i32::try_from(number).unwrap_or(-1);
-        // SAFETY: the file is open; a number that no grid has is told.
-        let grid = unsafe { self.shim.vdb_grid_read(self.file.as_ptr(), number, &mut error) };
+        // SAFETY: the file is there; a number that no grid has is told.
+        let grid = unsafe { self.shim.vdb_grid_open(self.file.as_ptr(), number, &mut error) };
         let grid = NonNull::new(grid).ok_or_else(|| told(&error))?;
         Ok(VdbGrid { shim: self.shim, grid })
     }
@@ -188,7 +188,7 @@ impl VdbFile {
 
 impl Drop for VdbFile {
     fn drop(&mut self) {
-        // SAFETY: the file is open, and nothing uses it afterwards: grids own what they have read.
+        // SAFETY: the file is there, and nothing uses it afterwards: grids own what they have read.
         unsafe { self.shim.vdb_close(self.file.as_ptr()) }
     }
 }

@@ -25,13 +25,13 @@ fn a_grid_comes_back_as_it_was() {
             is_half,
         };
         write(&path, &dense).unwrap();
-        let mut file = VdbFile::open(&path).unwrap();
+        let file = VdbFile::open(&path).unwrap();
         let grids = file.grids();
         assert_eq!(grids.len(), 1);
         assert_eq!((grids[0].name.as_str(), grids[0].value_type.as_str()), ("smoke", "float"));
         assert!(grids[0].is_float && grids[0].class == GridClass::FogVolume);
         assert_eq!(grids[0].to_world, Some(to_world));
-        let mut grid = file.read(0).unwrap();
+        let mut grid = file.grid(0).unwrap();
         drop(file);
         assert_eq!(grid.background(), 0.0);
         assert!(grid.next_tile().is_none());

@@ -110,7 +110,7 @@ fn listed(grids: &[String]) -> String {
 pub fn read_vdb(path: &Path, name: Option<&str>) -> Result<VdbGrid, VdbError> {
     check_first_bytes(path)?;
     let told = |error| VdbError::OpenVdb { path: path.to_owned(), error };
-    let mut file = VdbFile::open(path).map_err(told)?;
+    let file = VdbFile::open(path).map_err(told)?;
     let grids = file.grids();
     let number = choose(path, &grids, name)?;
     let info = &grids[number];
@@ -137,7 +137,8 @@ pub fn read_vdb(path: &Path, name: Option<&str>) -> Result<VdbGrid, VdbError> {
         ));
     };
     let to_world = DAffine3::from_cols(x.into(), y.into(), z.into(), DVec3::from_array(origin));
-    let mut read = file.read(number).map_err(told)?;
+    let mut read = file.grid(number).map_err(told)?;
+    drop(file);
     let background = read.background();
     let wrong = |error| VdbError::Grid { path: path.to_owned(), name: info.name.clone(), error };
     let mut builder = GridBuilder::default();
