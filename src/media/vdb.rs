@@ -159,8 +159,9 @@ pub fn read_vdb(path: &Path, name: Option<&str>) -> Result<VdbGrid, VdbError> {
 /// What a file of so many bytes may take: sound ones take no more than this, and broken ones end.
 fn limits_of(bytes: u64) -> Limits {
     let megabytes = bytes >> 20;
-    // Tiles and masks of bits may unfold by far more than values do, but not in large files.
-    Limits { megabytes: 4096 + megabytes.saturating_mul(16), seconds: 60 + megabytes }
+    // Libraries and stacks take some hundred. Compressed values unfold by a factor of ten or so; a broken file that asks for gigabytes spends
+    // seconds on filling them before it ends.
+    Limits { megabytes: 1024 + megabytes.saturating_mul(64), seconds: 60 + megabytes }
 }
 
 /// Length of the file, if it begins as OpenVDB files do.
