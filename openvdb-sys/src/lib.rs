@@ -1,55 +1,52 @@
-//! A small C interface to the OpenVDB that is installed, and safe Rust over it.
+//! Reads the grids of OpenVDB files by the OpenVDB that is installed, in a process of its own.
 //!
-//! OpenVDB speaks C++, whose classes and exceptions cannot cross into Rust. So `shim/shim.cpp` wraps what is needed of it in `extern "C"`
-//! functions that catch every exception. The shim is a shared library that the crate carries as bytes; it is opened, and OpenVDB with
-//! it, when a file is opened for the first time, as in `oiio-sys`. A program that reads no volume never loads it.
-#![allow(unsafe_code, reason = "opens and calls a C interface")]
+//! OpenVDB trusts its files: where one is broken it writes beyond its buffers, reads counts for hours and takes all the memory there is. So
+//! it does not run in this program. `reader/reader.cpp` is a small program over it, compiled with this crate and carried as bytes; it is
+//! started for each file, with limits on its memory and processor time, and sends what it reads through a pipe. Whatever a file does to it,
+//! the answer is a grid or an error. A program that reads no volume never starts it.
 
-use std::ffi::{CStr, CString, c_char};
 use std::fmt;
 use std::fs::File;
-use std::io::{self, Write};
+use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::os::fd::AsRawFd;
-use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
-use std::ptr::NonNull;
-use std::sync::OnceLock;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-#[allow(
-    missing_docs,
-    missing_debug_implementations,
-    non_camel_case_types,
-    non_upper_case_globals,
-    unreachable_pub,
-    unsafe_op_in_unsafe_fn,
-    dead_code,
-    clippy::all,
-    clippy::undocumented_unsafe_blocks,
-    reason = "generated from C"
-)]
-mod bindings {
-    include!(concat!(env!("OUT_DIR"), "/bindings.rs"));
-}
+/// The compiled reader; no bytes where OpenVDB was not there to compile it with.
+const READER: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/openvdb_reader"));
 
-use bindings::{Shim, VdbDense, VdbError, VdbInfo};
+/// Voxels of a leaf.
+pub const LEAF_VALUES: usize = 512;
 
-/// The compiled shim; no bytes where OpenVDB was not there to compile it with.
-const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/libopenvdb_shim.so"));
+/// Longest text that is taken from the reader.
+const LONGEST_TEXT: u32 = 1 << 16;
 
-static SHIM: OnceLock<Result<Shim, String>> = OnceLock::new();
+/// Most grids that a file may have.
+const MOST_GRIDS: u32 = 1 << 16;
 
 /// Why OpenVDB did not do what was asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
-    /// OpenVDB could not be loaded.
-    #[error("OpenVDB cannot be loaded: {0}")]
-    Load(String),
+    /// OpenVDB is not there.
+    #[error("OpenVDB cannot be started: {0}")]
+    Start(String),
     /// What OpenVDB says.
     #[error("{0}")]
     OpenVdb(String),
-    /// A path with a zero byte, which no file has.
-    #[error("the path has a zero byte")]
-    Path,
+    /// The reader ended before it was done.
+    #[error("OpenVDB failed on it ({0}): the file is broken, or takes more memory or time than it may")]
+    Ended(String),
+}
+
+/// What a file may take of the machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Address space, in megabytes; libraries and stacks take some hundred.
+    pub megabytes: u64,
+    /// Processor time, in seconds.
+    pub seconds: u64,
 }
 
 /// What a grid says that it holds.
@@ -81,16 +78,38 @@ pub struct GridInfo {
     pub to_world: Option<[[f64; 3]; 4]>,
 }
 
-/// An open file.
+/// A file that was read, with the process that holds it.
 pub struct VdbFile {
-    shim: &'static Shim,
-    file: NonNull<bindings::VdbFile>,
+    process: Process,
+    grids: Vec<GridInfo>,
 }
 
-/// A grid of floats, whose leaves and tiles are read one by one.
+/// The voxels of a grid, piece by piece.
 pub struct VdbGrid {
-    shim: &'static Shim,
-    grid: NonNull<bindings::VdbGrid>,
+    process: Process,
+    background: f32,
+    is_over: bool,
+}
+
+/// Some voxels of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Piece {
+    /// A cube of one value.
+    Tile {
+        /// First voxel.
+        origin: [i32; 3],
+        /// Voxels along a side.
+        side: u32,
+        /// Their value.
+        value: f32,
+    },
+    /// 8^3 voxels.
+    Leaf {
+        /// First voxel.
+        origin: [i32; 3],
+        /// Values, z fastest.
+        values: Box<[f32; LEAF_VALUES]>,
+    },
 }
 
 /// A box of voxels to write. For tests.
@@ -114,215 +133,270 @@ pub struct Dense<'a> {
 
 impl fmt::Debug for VdbFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("VdbFile")
+        f.debug_struct("VdbFile").field("grids", &self.grids).finish_non_exhaustive()
     }
 }
 
 impl fmt::Debug for VdbGrid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("VdbGrid")
+        f.debug_struct("VdbGrid").field("background", &self.background).finish_non_exhaustive()
     }
+}
+
+/// True where the program was compiled with OpenVDB, so that files can be read where its library is.
+pub fn is_compiled() -> bool {
+    !READER.is_empty()
 }
 
 impl VdbFile {
-    /// Opens the file at `path` and reads the descriptions of its grids. The first call loads OpenVDB.
+    /// Reads the file at `path` with all of its grids.
     ///
     /// # Errors
-    /// Where OpenVDB cannot be loaded, or says that it cannot read the file.
-    pub fn open(path: &Path) -> Result<Self, Error> {
-        let shim = shim()?;
-        let path = c_path(path)?;
-        let mut error = no_error();
-        // SAFETY: the path is NUL-terminated, and the error is a structure of its own.
-        let file = unsafe { shim.vdb_open(path.as_ptr(), &mut error) };
-        NonNull::new(file).map(|file| Self { shim, file }).ok_or_else(|| told(&error))
+    /// Where OpenVDB cannot be started, says that it cannot read the file, or ends.
+    pub fn open(path: &Path, limits: Limits) -> Result<Self, Error> {
+        let mut process = Process::start(|command| {
+            command.arg("read").arg(path).arg(limits.megabytes.to_string()).arg(limits.seconds.to_string());
+        })?;
+        process.check_status()?;
+        let count = process.u32()?;
+        if count > MOST_GRIDS {
+            return Err(process.ended());
+        }
+        let mut grids = Vec::new();
+        for _ in 0..count {
+            grids.push(process.info()?);
+        }
+        Ok(Self { process, grids })
     }
 
     /// Descriptions of all grids, in the order of the file.
-    pub fn grids(&self) -> Vec<GridInfo> {
-        // SAFETY: the file is open.
-        let count = unsafe { self.shim.vdb_grid_count(self.file.as_ptr()) };
-        (0..count).filter_map(|number| self.info(number)).collect()
+    pub fn grids(&self) -> &[GridInfo] {
+        &self.grids
     }
 
-    fn info(&self, number: i32) -> Option<GridInfo> {
-        let mut info = VdbInfo {
-            name: [0; 256],
-            value_type: [0; 64],
-            grid_class: bindings::VDB_CLASS_UNKNOWN,
-            is_float: false,
-            is_linear: false,
-            to_world: [0.0; 12],
-        };
-        // SAFETY: the file is open, and the description is a structure of its own.
-        let is_there = unsafe { self.shim.vdb_grid_info(self.file.as_ptr(), number, &mut info) };
-        let m = info.to_world;
-        let rows = [0, 3, 6, 9].map(|i| [m[i], m[i + 1], m[i + 2]]);
-        is_there.then(|| GridInfo {
-            name: text(&info.name),
-            value_type: text(&info.value_type),
-            class: match info.grid_class {
-                bindings::VDB_CLASS_FOG_VOLUME => GridClass::FogVolume,
-                bindings::VDB_CLASS_LEVEL_SET => GridClass::LevelSet,
-                bindings::VDB_CLASS_STAGGERED => GridClass::Staggered,
-                _ => GridClass::Unknown,
-            },
-            is_float: info.is_float,
-            to_world: info.is_linear.then_some(rows),
-        })
-    }
-
-    /// Reads the voxels of the grid with this number in [`Self::grids`].
+    /// The voxels of the grid with this number in [`Self::grids`].
     ///
     /// # Errors
-    /// What OpenVDB says, or that the grid is not of floats.
-    pub fn read(&mut self, number: usize) -> Result<VdbGrid, Error> {
-        let mut error = no_error();
-        let number = i32::try_from(number).unwrap_or(-1);
-        // SAFETY: the file is open; a number that no grid has is told.
-        let grid = unsafe { self.shim.vdb_grid_read(self.file.as_ptr(), number, &mut error) };
-        let grid = NonNull::new(grid).ok_or_else(|| told(&error))?;
-        Ok(VdbGrid { shim: self.shim, grid })
-    }
-}
-
-impl Drop for VdbFile {
-    fn drop(&mut self) {
-        // SAFETY: the file is open, and nothing uses it afterwards: grids own what they have read.
-        unsafe { self.shim.vdb_close(self.file.as_ptr()) }
+    /// Where there is no such grid, it is not of floats, or OpenVDB ends.
+    pub fn grid(self, number: usize) -> Result<VdbGrid, Error> {
+        let mut process = self.process;
+        let number = u32::try_from(number).unwrap_or(u32::MAX);
+        if process.input.write_all(&number.to_ne_bytes()).and_then(|()| process.input.flush()).is_err() {
+            return Err(process.ended());
+        }
+        process.check_status()?;
+        let background = process.f32()?;
+        Ok(VdbGrid { process, background, is_over: false })
     }
 }
 
 impl VdbGrid {
     /// Value where there are no voxels.
     pub fn background(&self) -> f32 {
-        // SAFETY: the grid is there.
-        unsafe { self.shim.vdb_grid_background(self.grid.as_ptr()) }
+        self.background
     }
 
-    /// The next leaf of 8^3 voxels: its first voxel, and its values, z fastest, which go to `values`. `None` after the last one.
-    pub fn next_leaf(&mut self, values: &mut [f32; 512]) -> Option<[i32; 3]> {
-        let mut origin = [0; 3];
-        // SAFETY: the grid is there; three coordinates and 512 values are what the function writes.
-        let is_there = unsafe {
-            self.shim.vdb_grid_next_leaf(self.grid.as_ptr(), origin.as_mut_ptr(), values.as_mut_ptr())
-        };
-        is_there.then_some(origin)
-    }
-
-    /// The next active tile of one value larger than a voxel: its first voxel, voxels along a side, and value. `None` after the last one.
-    pub fn next_tile(&mut self) -> Option<([i32; 3], u32, f32)> {
-        let (mut origin, mut side, mut value) = ([0; 3], 0, 0.0);
-        // SAFETY: the grid is there; three coordinates, a side and a value are what the function writes.
-        let is_there = unsafe {
-            self.shim.vdb_grid_next_tile(self.grid.as_ptr(), origin.as_mut_ptr(), &mut side, &mut value)
-        };
-        is_there.then(|| (origin, side.unsigned_abs(), value))
-    }
-}
-
-impl Drop for VdbGrid {
-    fn drop(&mut self) {
-        // SAFETY: the grid is there, and nothing uses it afterwards.
-        unsafe { self.shim.vdb_grid_free(self.grid.as_ptr()) }
+    /// The next piece: tiles first, then leaves. `None` after the last one.
+    ///
+    /// # Errors
+    /// Where OpenVDB ends before it is done.
+    pub fn next_piece(&mut self) -> Result<Option<Piece>, Error> {
+        if self.is_over {
+            return Ok(None);
+        }
+        let kind = self.process.u32()?;
+        if kind == 0 {
+            self.is_over = true;
+            return Ok(None);
+        }
+        let origin = [self.process.i32()?, self.process.i32()?, self.process.i32()?];
+        match kind {
+            1 => {
+                let side = self.process.i32()?.unsigned_abs();
+                Ok(Some(Piece::Tile { origin, side, value: self.process.f32()? }))
+            }
+            2 => {
+                let mut values = Box::new([0.0; LEAF_VALUES]);
+                let mut bytes = [0; 4 * LEAF_VALUES];
+                self.process.fill(&mut bytes)?;
+                for (value, bytes) in values.iter_mut().zip(bytes.as_chunks::<4>().0) {
+                    *value = f32::from_ne_bytes(*bytes);
+                }
+                Ok(Some(Piece::Leaf { origin, values }))
+            }
+            _ => Err(self.process.ended()),
+        }
     }
 }
 
 /// Writes a file with one grid, in which voxels of zero are left out. For tests.
 ///
 /// # Errors
-/// Where OpenVDB cannot be loaded or written with, or there are not as many values as voxels.
+/// Where OpenVDB cannot be started or written with, or there are not as many values as voxels.
 pub fn write(path: &Path, grid: &Dense<'_>) -> Result<(), Error> {
-    let shim = shim()?;
-    let path = c_path(path)?;
-    let name = CString::new(grid.name).map_err(|_| Error::Path)?;
     let count: usize = grid.size.iter().map(|&n| usize::from(n)).product();
     if count != grid.values.len() || count == 0 {
         return Err(Error::OpenVdb(format!("{} values for {count} voxels", grid.values.len())));
     }
-    let m = grid.to_world;
-    let dense = VdbDense {
-        name: name.as_ptr(),
-        origin: grid.origin,
-        size: grid.size.map(i32::from),
-        values: grid.values.as_ptr(),
-        to_world: std::array::from_fn(|i| m[i / 3][i % 3]),
-        grid_class: match grid.class {
-            GridClass::Unknown => bindings::VDB_CLASS_UNKNOWN,
-            GridClass::FogVolume => bindings::VDB_CLASS_FOG_VOLUME,
-            GridClass::LevelSet => bindings::VDB_CLASS_LEVEL_SET,
-            GridClass::Staggered => bindings::VDB_CLASS_STAGGERED,
-        },
-        is_half: grid.is_half,
+    let mut process = Process::start(|command| {
+        command.arg("write").arg(path);
+    })?;
+    let mut bytes = Vec::new();
+    bytes.extend_from_slice(&(grid.name.len() as u32).to_ne_bytes());
+    bytes.extend_from_slice(grid.name.as_bytes());
+    grid.origin.iter().for_each(|c| bytes.extend_from_slice(&c.to_ne_bytes()));
+    grid.size.iter().for_each(|c| bytes.extend_from_slice(&i32::from(*c).to_ne_bytes()));
+    grid.to_world.iter().flatten().for_each(|x| bytes.extend_from_slice(&x.to_ne_bytes()));
+    let class = match grid.class {
+        GridClass::Unknown => 0u32,
+        GridClass::FogVolume => 1,
+        GridClass::LevelSet => 2,
+        GridClass::Staggered => 3,
     };
-    let mut error = no_error();
-    // SAFETY: path and name are NUL-terminated, and there are as many values as the size says.
-    let is_written = unsafe { shim.vdb_write(path.as_ptr(), &dense, &mut error) };
-    if is_written { Ok(()) } else { Err(told(&error)) }
+    bytes.extend_from_slice(&class.to_ne_bytes());
+    bytes.extend_from_slice(&u32::from(grid.is_half).to_ne_bytes());
+    grid.values.iter().for_each(|v| bytes.extend_from_slice(&v.to_ne_bytes()));
+    // A reader that ended says why.
+    let _ = process.input.write_all(&bytes).and_then(|()| process.input.flush());
+    process.check_status()
 }
 
-fn no_error() -> VdbError {
-    VdbError { text: [0; 1024] }
+/// A running reader. It ends with this.
+struct Process {
+    child: Child,
+    input: BufWriter<ChildStdin>,
+    output: BufReader<ChildStdout>,
 }
 
-fn told(error: &VdbError) -> Error {
-    Error::OpenVdb(text(&error.text))
-}
-
-/// Text up to its zero byte.
-fn text(bytes: &[c_char]) -> String {
-    // SAFETY: bytes are bytes, whatever sign C gives them.
-    let bytes = unsafe { std::slice::from_raw_parts(bytes.as_ptr().cast::<u8>(), bytes.len()) };
-    CStr::from_bytes_until_nul(bytes).map(|text| text.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-fn c_path(path: &Path) -> Result<CString, Error> {
-    CString::new(path.as_os_str().as_bytes()).map_err(|_| Error::Path)
-}
-
-/// Version of the OpenVDB that is loaded: major, minor, patch. The first call loads it.
-///
-/// # Errors
-/// Where it cannot be loaded.
-pub fn version() -> Result<(u32, u32, u32), Error> {
-    // SAFETY: the function needs nothing.
-    let version = unsafe { shim()?.vdb_version() }.unsigned_abs();
-    Ok((version / 10_000, version / 100 % 100, version % 100))
-}
-
-fn shim() -> Result<&'static Shim, Error> {
-    SHIM.get_or_init(load).as_ref().map_err(|why| Error::Load(why.clone()))
-}
-
-fn load() -> Result<Shim, String> {
-    if LIBRARY.is_empty() {
-        return Err("this program was compiled without it. Run ./setup.sh and compile again".to_owned());
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
-    // A file in memory needs no folder; a system may forbid to run one, as it may for the folder of temporary files.
-    in_memory().or_else(|first| {
-        in_folder().map_err(|second| if first == second { first } else { format!("{first}; {second}") })
-    })
 }
 
-fn in_memory() -> Result<Shim, String> {
+impl Process {
+    /// Starts the reader with arguments.
+    fn start(arguments: impl Fn(&mut Command)) -> Result<Self, Error> {
+        if !is_compiled() {
+            let why = "this program was compiled without it. Run ./setup.sh and compile again";
+            return Err(Error::Start(why.to_owned()));
+        }
+        // A file in memory needs no folder; a system may forbid to run one, as it may for the folder of temporary files.
+        let child = in_memory(&arguments).or_else(|first| {
+            in_folder(&arguments).map_err(|second| Error::Start(format!("{first}; {second}")))
+        });
+        let mut child = child?;
+        match (child.stdin.take(), child.stdout.take()) {
+            (Some(input), Some(output)) => Ok(Self {
+                child,
+                input: BufWriter::new(input),
+                output: BufReader::with_capacity(1 << 16, output),
+            }),
+            _ => Err(Error::Start("it has no pipes".to_owned())),
+        }
+    }
+
+    /// Why the reader sends no more.
+    fn ended(&mut self) -> Error {
+        let _ = self.child.kill();
+        Error::Ended(match self.child.wait() {
+            Ok(status) => match (status.signal(), status.code()) {
+                (Some(signal), _) => format!("ended by signal {signal}"),
+                (None, Some(127)) => "a library of it is missing".to_owned(),
+                (None, code) => format!("ended with code {}", code.unwrap_or(0)),
+            },
+            Err(error) => error.to_string(),
+        })
+    }
+
+    fn fill(&mut self, bytes: &mut [u8]) -> Result<(), Error> {
+        match self.output.read_exact(bytes) {
+            Ok(()) => Ok(()),
+            Err(_) => {
+                // It has closed its end: it is about to end by itself, with a status that says more than one by force.
+                let _ = self.child.wait();
+                Err(self.ended())
+            }
+        }
+    }
+
+    fn u32(&mut self) -> Result<u32, Error> {
+        let mut bytes = [0; 4];
+        self.fill(&mut bytes)?;
+        Ok(u32::from_ne_bytes(bytes))
+    }
+
+    fn i32(&mut self) -> Result<i32, Error> {
+        Ok(self.u32()? as i32)
+    }
+
+    fn f32(&mut self) -> Result<f32, Error> {
+        Ok(f32::from_bits(self.u32()?))
+    }
+
+    fn f64(&mut self) -> Result<f64, Error> {
+        let mut bytes = [0; 8];
+        self.fill(&mut bytes)?;
+        Ok(f64::from_ne_bytes(bytes))
+    }
+
+    fn text(&mut self) -> Result<String, Error> {
+        let length = self.u32()?;
+        if length > LONGEST_TEXT {
+            return Err(self.ended());
+        }
+        let mut bytes = vec![0; length as usize];
+        self.fill(&mut bytes)?;
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    }
+
+    /// Whether the reader goes on, or says why it does not.
+    fn check_status(&mut self) -> Result<(), Error> {
+        match self.u32()? {
+            0 => Ok(()),
+            _ => Err(Error::OpenVdb(self.text()?)),
+        }
+    }
+
+    fn info(&mut self) -> Result<GridInfo, Error> {
+        let (name, value_type) = (self.text()?, self.text()?);
+        let class = match self.u32()? {
+            1 => GridClass::FogVolume,
+            2 => GridClass::LevelSet,
+            3 => GridClass::Staggered,
+            _ => GridClass::Unknown,
+        };
+        let (is_float, is_linear) = (self.u32()? != 0, self.u32()? != 0);
+        let mut to_world = [[0.0; 3]; 4];
+        for x in to_world.iter_mut().flatten() {
+            *x = self.f64()?;
+        }
+        Ok(GridInfo { name, value_type, class, is_float, to_world: is_linear.then_some(to_world) })
+    }
+}
+
+fn run(program: &Path, arguments: &impl Fn(&mut Command)) -> io::Result<Child> {
+    let mut command = Command::new(program);
+    arguments(&mut command);
+    // What the library prints on its own is of no use to anybody.
+    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn()
+}
+
+fn in_memory(arguments: &impl Fn(&mut Command)) -> Result<Child, String> {
     let told = |error: io::Error| format!("no file in memory: {error}");
-    let file = rustix::fs::memfd_create("openvdb_shim", rustix::fs::MemfdFlags::CLOEXEC);
+    let file = rustix::fs::memfd_create("openvdb_reader", rustix::fs::MemfdFlags::CLOEXEC);
     let mut file = File::from(file.map_err(|error| told(error.into()))?);
-    file.write_all(LIBRARY).map_err(told)?;
-    // Not by `/proc/self`: the loader knows libraries by their paths, and one that another shim was opened by, whose descriptor this file may
-    // have got, is that shim to it.
-    open(format!("/proc/{}/fd/{}", std::process::id(), file.as_raw_fd()).as_ref())
+    file.write_all(READER).map_err(told)?;
+    run(format!("/proc/self/fd/{}", file.as_raw_fd()).as_ref(), arguments).map_err(told)
 }
 
-fn in_folder() -> Result<Shim, String> {
+fn in_folder(arguments: &impl Fn(&mut Command)) -> Result<Child, String> {
     let told = |error: io::Error| format!("no temporary file: {error}");
-    let mut file = tempfile::Builder::new().prefix("openvdb_shim").suffix(".so").tempfile().map_err(told)?;
-    file.write_all(LIBRARY).map_err(told)?;
-    open(file.path())
-}
-
-fn open(path: &Path) -> Result<Shim, String> {
-    // SAFETY: the file holds the shim as this crate's build linked it, with the functions of the header that the bindings
-    // were generated from. Its own initialisation and that of OpenVDB need nothing from this program.
-    unsafe { Shim::new(path) }.map_err(|error| error.to_string())
+    let mut file = tempfile::Builder::new().prefix("openvdb_reader").tempfile().map_err(told)?;
+    file.write_all(READER).map_err(told)?;
+    file.as_file().set_permissions(std::fs::Permissions::from_mode(0o700)).map_err(told)?;
+    // Closed: what is open to be written cannot be run.
+    run(&file.into_temp_path(), arguments).map_err(told)
 }
