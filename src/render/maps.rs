@@ -467,6 +467,9 @@ fn statistics_of(scene: &Scene, light: usize, tally: &PhotonTally, emitted: u64)
 /// A light that emits fewer photons than this shows them one by one.
 const STARVED: u64 = 100;
 
+/// Photons emitted for one that is stored, beyond which it is told where the time goes.
+const RARELY_STORED: u64 = 200;
+
 /// Names listed in one warning.
 const NAMED: usize = 5;
 
@@ -514,6 +517,13 @@ impl Findings<'_> {
         }
         let sum = |field: fn(&PhotonTally) -> u64| self.tallies.iter().map(field).sum::<u64>();
         let emitted = sum(|tally| tally.emitted);
+        if stored > 0 && emitted > RARELY_STORED * stored {
+            warnings.push(format!(
+                "{emitted} photons of the {name} map were emitted for the {stored} that are stored, one of {}: nearly all of the time of \
+                 this pass goes to photons that bring no light; fewer --{name}-photons take less",
+                emitted / stored
+            ));
+        }
         let truncated = sum(|tally| tally.truncated);
         if is_worth_a_warning(truncated, emitted) {
             warnings.push(format!(
