@@ -190,6 +190,11 @@ impl Loaded {
 /// A word where the camera stands in a body: on purpose it is a picture from under water, by mistake one that nobody understands.
 fn note_of_medium(built: &BuiltScene) -> Option<SceneWarning> {
     let medium = built.scene.medium_at(built.camera.eye()).medium();
+    // Nobody is in a fog by mistake.
+    let filling = built.scene.medium(medium);
+    if filling.volume.is_some() && filling.ior == 1.0 {
+        return None;
+    }
     let message = format!(
         "the camera stands inside a body of `{}`, and what it sees is seen through that; where that is not meant, move it out",
         built.scene.medium(medium).name

@@ -2,16 +2,16 @@
 
 use super::{Directions, Scratch};
 use crate::bsdf::Lobe;
-use crate::lights::{LightId, Receiver};
+use crate::lights::{Light, LightId, Receiver};
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::{DistanceSample, Surroundings, collision_density};
 use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, SurfaceInteraction};
 use crate::transport::{
-    Collision, attenuation, power_heuristic, receiver, transmittance, transmittance_in_media,
+    Collision, Stretch, attenuation, power_heuristic, receiver, transmittance, transmittance_in_media,
 };
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use std::ops::AddAssign;
 
 /// What a surface reflects or transmits of the light that arrives straight from emitters, by lobe.
@@ -98,53 +98,97 @@ impl<'a> DirectLighting<'a> {
         Reflected { diffuse: sum.diffuse / count, glossy: sum.glossy / count }
     }
 
-    /// Radiance towards `wo` of the light that arrives straight from emitters at a place where a medium scatters it: one sample for each
-    /// light, weighted against sampling of the phase function. Albedo is not contained.
+    /// Radiance that a stretch of a path scatters of the light that arrives straight from emitters, at its start and over its weight: one
+    /// place and one shadow ray for each light. Places are sampled where the light is and where the path gets to (Kulla & Fajardo 2012),
+    /// and weighted against collisions of the path with a direction of the phase function. `throughput` is that of the path there.
     pub fn scattered(
         &self,
-        at: &Collision,
-        wo: Vec3,
-        medium: Surroundings,
+        stretch: &Stretch<'_>,
+        throughput: Rgb,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Rgb {
-        let from = Receiver { position: at.position, normal: Vec3::ZERO };
         let mut sum = Rgb::ZERO;
-        if self.scene.light_power().is_none() {
+        if self.scene.light_power().is_none() || stretch.volume.coefficients().scattering() == Rgb::ZERO {
             return sum;
         }
-        let mut add = |index: LightId, probability: f32, u: Vec2| {
-            let light = &self.scene.lights()[index as usize];
-            let Some(sample) = light.sample_li(from, u) else { return };
-            let phase = at.phase.eval(wo, sample.wi);
-            if !(phase > 0.0) {
-                return;
-            }
-            scratch.counters.shadow_rays += 1;
-            let ray = match sample.target {
-                Some(target) => Ray::segment(at.position, target),
-                None => Ray::new(at.position, sample.wi),
-            };
-            let Some(transmittance) = transmittance_in_media(self.scene, &ray, medium) else { return };
-            let weight = if light.is_delta() {
-                1.0
-            } else {
-                power_heuristic(sample.pdf_solid_angle * probability, phase)
-            };
-            sum += sample.radiance_over_pdf * transmittance * (phase * weight / probability);
-        };
         let choice = self.scene.light_choice();
         for &light in choice.each() {
-            add(light, 1.0, samples.next_2d());
+            let [way, u] = samples.next_2d().to_array();
+            let u_light = samples.next_2d();
+            let Some(distances) = stretch.distances(self.anchor(light), throughput) else { continue };
+            let at = distances.sample(way.into(), u.into());
+            sum += self.scattered_at(stretch, throughput, at, (light, 1.0, u_light), scratch);
         }
         for group in choice.groups() {
-            let choices = refined(samples.next_2d());
-            let u = samples.next_2d();
-            if let Some((light, probability)) = group.sample(&from, choices) {
-                add(light, probability, u);
-            }
+            let [way, u] = samples.next_2d().to_array();
+            let (choices, u_light) = (refined(samples.next_2d()), samples.next_2d());
+            let Some(distances) = stretch.distances(None, throughput) else { continue };
+            let at = distances.sample(way.into(), u.into());
+            let from = in_medium(stretch.line.at(at.t).as_vec3());
+            let Some((light, probability)) = group.sample(&from, choices) else { continue };
+            sum += self.scattered_at(stretch, throughput, at, (light, probability, u_light), scratch);
         }
         sum
+    }
+
+    /// [`Self::scattered`] at a sampled distance, of a light that was chosen with a probability.
+    fn scattered_at(
+        &self,
+        stretch: &Stretch<'_>,
+        throughput: Rgb,
+        at: DistanceSample,
+        (index, probability, u): (LightId, f32, Vec2),
+        scratch: &mut Scratch,
+    ) -> Rgb {
+        let place = stretch.line.at(at.t);
+        let position = place.as_vec3();
+        let light = &self.scene.lights()[index as usize];
+        let Some(sample) = light.sample_li(in_medium(position), u) else { return Rgb::ZERO };
+        let wo = -stretch.line.direction().as_vec3();
+        let phase = stretch.volume.phase().eval(wo, sample.wi);
+        if !(phase > 0.0 && at.pdf > 0.0) {
+            return Rgb::ZERO;
+        }
+        scratch.counters.shadow_rays += 1;
+        let ray = match sample.target {
+            Some(target) => Ray::segment(position, target),
+            None => Ray::new(position, sample.wi),
+        };
+        let Some(arriving) = transmittance_in_media(self.scene, &ray, stretch.medium) else {
+            return Rgb::ZERO;
+        };
+        let volume = stretch.volume;
+        let left = volume.transmittance(&stretch.line, at.t, &mut { stretch.rng });
+        let weight = if light.is_delta() {
+            1.0
+        } else {
+            let tracked = collision_density(volume.coefficients().extinction(), throughput, at.t);
+            let other = (tracked / at.pdf) as f32 * phase;
+            power_heuristic(sample.pdf_solid_angle * probability, other)
+        };
+        let scattering = volume.coefficients().scattering() * (volume.density().at(place) / at.pdf) as f32;
+        sample.radiance_over_pdf * arriving * left * scattering * (phase * weight / probability)
+    }
+
+    /// Factor on the density of a direction of the phase function at a collision, to be compared with samples of the light `id` by
+    /// [`Self::scattered`]; `None` for lights at infinity. `throughput` is that of the path at the start of the stretch.
+    pub fn density_of_collision(&self, at: &Collision<'_>, throughput: Rgb, id: Option<LightId>) -> f32 {
+        let anchor =
+            id.filter(|id| self.scene.light_choice().each().contains(id)).and_then(|id| self.anchor(id));
+        let Some(distances) = at.stretch.distances(anchor, throughput) else { return 1.0 };
+        let extinction = at.stretch.volume.coefficients().extinction();
+        (collision_density(extinction, throughput, at.t) / distances.pdf(at.t)) as f32
+    }
+
+    /// Where a light is, about; `None` for light from infinity.
+    fn anchor(&self, light: LightId) -> Option<DVec3> {
+        match &self.scene.lights()[light as usize] {
+            Light::Area(area) => area.bounding_sphere().map(|(centre, _)| centre),
+            Light::Point(point) => Some(point.position.as_dvec3()),
+            Light::Spot(spot) => Some(spot.position.as_dvec3()),
+            Light::Directional(_) | Light::Sun(_) | Light::Environment(_) => None,
+        }
     }
 
     /// One shadow ray, weighted against BSDF sampling where that is done too. `choice` holds the probability with which
@@ -232,6 +276,11 @@ impl<'a> DirectLighting<'a> {
         scratch.shadows[light].ray(decision);
         decision
     }
+}
+
+/// A place in a medium as lights see it.
+fn in_medium(position: Vec3) -> Receiver {
+    Receiver { position, normal: Vec3::ZERO }
 }
 
 /// What shadow photons decided about one light.

@@ -8,7 +8,7 @@ use super::specular::chain_roulette;
 use super::{Directions, EyeRay, Integrator, Irradiance, Receiver, Scratch, describe_first_hit};
 use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
-use crate::lights::Receiver as LightReceiver;
+use crate::lights::{LightId, Receiver as LightReceiver};
 use crate::math::{Ray, Rgb};
 use crate::media::Surroundings;
 use crate::photons::DirectionGuide;
@@ -97,13 +97,15 @@ struct State<'a> {
     medium: Surroundings,
     class: Class,
     partner: Option<MisPartner>,
+    /// Where a medium scattered the path last, and its throughput before that, if that is where the ray starts.
+    collided: Option<(Collision<'a>, Rgb)>,
     /// Specular or highly glossy surfaces met since the last other one.
     chain: u32,
     /// Part of the throughput that comes from drawing directions more or less often than the BSDF alone would.
     guidance: f32,
 }
 
-impl State<'_> {
+impl<'a> State<'a> {
     /// A path that begins with this ray.
     fn new(ray: Ray, medium: Surroundings) -> Self {
         Self {
@@ -113,6 +115,7 @@ impl State<'_> {
             medium,
             class: Class::Camera,
             partner: None,
+            collided: None,
             chain: 0,
             guidance: 1.0,
         }
@@ -154,6 +157,7 @@ impl PathTracer<'_> {
         }
         state.partner = (sample.lobe != Lobe::Specular)
             .then_some(MisPartner { from: receiver(self.scene, hit), pdf: sample.pdf_solid_angle });
+        state.collided = None;
         state.class = state.class.after(sample.lobe);
         state.medium = medium;
         let seen = state.seen.filter(|_| sample.lobe == Lobe::Specular);
@@ -179,15 +183,15 @@ fn survives(state: &mut State<'_>, depth: u32, samples: &mut SampleStream) -> bo
     true
 }
 
-impl PathTracer<'_> {
+impl<'a> PathTracer<'a> {
     /// The event in which the ray of a path ends, with what media take from the path on the way and add to it.
     fn next_event(
         &self,
-        state: &mut State<'_>,
+        state: &mut State<'a>,
         depth: u32,
         samples: &mut SampleStream,
-        out: &mut PixelSample,
-    ) -> Event {
+        (scratch, out): (&mut Scratch, &mut PixelSample),
+    ) -> Event<'a> {
         if !self.scene.scatters() {
             return next_event(self.scene, &state.ray, &mut state.medium);
         }
@@ -196,9 +200,15 @@ impl PathTracer<'_> {
         {
             describe_first_hit(out, self.scene, &hit);
         }
-        let u = samples.next_1d();
-        let passage = next_event_in_media(self.scene, &state.ray, &mut state.medium, state.throughput, u);
-        out.add(state.class.part(), state.throughput * passage.emitted);
+        let (throughput, u) = (state.throughput, samples.next_1d());
+        let direct_part = state.class.after(Lobe::Diffuse).part();
+        let passage =
+            next_event_in_media(self.scene, &state.ray, &mut state.medium, (throughput, u), |stretch| {
+                let there = throughput * stretch.weight;
+                let direct = self.direct.scattered(stretch, there, samples, scratch);
+                out.add(direct_part, there * direct);
+            });
+        out.add(state.class.part(), throughput * passage.emitted);
         state.throughput *= passage.weight;
         passage.event
     }
@@ -206,16 +216,13 @@ impl PathTracer<'_> {
     /// Goes on from where a medium scatters, which is a diffuse reflection on no surface; `false` where the path ends.
     fn scatter_in_medium(
         &self,
-        state: &mut State<'_>,
-        collision: &Collision,
-        depth: u32,
+        state: &mut State<'a>,
+        collision: &Collision<'a>,
+        (before, depth): (Rgb, u32),
         samples: &mut SampleStream,
-        (scratch, out): (&mut Scratch, &mut PixelSample),
     ) -> bool {
         let wo = -state.ray.direction;
-        let direct = self.direct.scattered(collision, wo, state.medium, samples, scratch);
         state.class = state.class.after(Lobe::Diffuse);
-        out.add(state.class.part(), state.throughput * direct);
         state.chain = 0;
         state.seen = None;
         if !survives(state, depth, samples) {
@@ -224,14 +231,24 @@ impl PathTracer<'_> {
         let sample = collision.phase.sample(wo, samples.next_2d());
         let from = LightReceiver { position: collision.position, normal: Vec3::ZERO };
         state.partner = Some(MisPartner { from, pdf: sample.pdf });
+        state.collided = Some((*collision, before * collision.stretch.weight));
         state.ray = Ray::new(collision.position, sample.wi);
         true
+    }
+
+    /// What the light `id` is weighted against where the ray of a path meets it; `None` for light from infinity.
+    fn partner(&self, state: &State<'_>, id: Option<LightId>) -> Option<MisPartner> {
+        let partner = state.partner?;
+        let factor = state.collided.as_ref().map_or(1.0, |(collision, throughput)| {
+            self.direct.density_of_collision(collision, *throughput, id)
+        });
+        Some(MisPartner { pdf: partner.pdf * factor, ..partner })
     }
 
     /// Follows a path from its ray on, which leaves surface number `first` from the camera; what it finds is added to `out`.
     fn follow(
         &self,
-        mut state: State<'_>,
+        mut state: State<'a>,
         first: u32,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
@@ -242,16 +259,17 @@ impl PathTracer<'_> {
             scratch.counters.path_rays += u64::from(depth > 0);
             let (seen, ray, rare) = (state.seen, state.ray, Cell::new(0));
             let glint = |id| seen.map_or(1.0, |(eye, chain)| eye.lamp_weight(&chain, id, &ray, &rare));
-            let arrival = match self.next_event(&mut state, depth, samples, out) {
+            let before = state.throughput;
+            let arrival = match self.next_event(&mut state, depth, samples, (scratch, out)) {
                 Event::Surface(arrival) => arrival,
                 Event::Medium(collision) => {
-                    if !self.scatter_in_medium(&mut state, &collision, depth, samples, (scratch, out)) {
+                    if !self.scatter_in_medium(&mut state, &collision, (before, depth), samples) {
                         return;
                     }
                     continue;
                 }
                 Event::Escape => {
-                    let found = escaped(self.scene, state.ray.direction, state.partner, glint);
+                    let found = escaped(self.scene, state.ray.direction, self.partner(&state, None), glint);
                     out.add(state.class.part(), state.throughput * found);
                     scratch.counters.rare_glints += rare.get();
                     return;
@@ -265,7 +283,8 @@ impl PathTracer<'_> {
                 state.partner = None;
             }
             arrival.attenuate(&mut state.throughput);
-            let found = emitted(self.scene, &hit, state.partner, glint);
+            let partner = self.partner(&state, self.scene.surface(&hit).light);
+            let found = emitted(self.scene, &hit, partner, glint);
             out.add(state.class.part(), state.throughput * found);
             scratch.counters.rare_glints += rare.get();
             let shading = self.scene.shading_within(&hit, state.medium);

@@ -169,6 +169,16 @@ impl Exponential {
     }
 }
 
+/// Density per unit of length with which light of this throughput is tracked up to a collision at the distance `t` in a homogeneous medium:
+/// the mean over the channels, by throughput, of `extinction exp(-extinction t)`. Not the density under the condition that it collides.
+pub fn collision_density(extinction: Rgb, throughput: Rgb, t: f64) -> f64 {
+    let share = throughput.as_dvec3().to_array().map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
+    let sum: f64 = share.iter().sum();
+    let share = if sum > 0.0 { share.map(|x| x / sum) } else { [1.0 / 3.0; 3] };
+    let extinction = extinction.as_dvec3();
+    (0..3).map(|c| share[c] * extinction[c] * (-extinction[c] * t).exp()).sum()
+}
+
 impl Distances {
     /// For a light at `point`, if it has a place, and the part of `line` between the distances of `range`, in a medium with this extinction
     /// per unit of length; channels are picked by `throughput`. `None` where the part is empty, or endless and clear.

@@ -16,7 +16,7 @@ mod vdb;
 mod volume;
 
 pub use coefficients::{CoefficientError, Coefficients};
-pub use distance::{DistanceSample, Distances, Equiangular, Exponential};
+pub use distance::{DistanceSample, Distances, Equiangular, Exponential, collision_density};
 pub use phase::{Lobe, Phase, PhaseError, PhaseSample};
 pub use presets::{NAMED_MEDIA, NamedMedium};
 pub use surroundings::{Crossing, MOST_MEDIA, Surroundings};

@@ -8,11 +8,11 @@ use crate::scene::{Scene, SurfaceInteraction};
 
 /// Where a ray ends.
 #[derive(Clone, Copy, Debug)]
-pub enum Event {
+pub enum Event<'a> {
     /// At a surface.
     Surface(Arrival),
     /// Where a medium scatters it; only in scenes whose media scatter ([`super::next_event_in_media`]).
-    Medium(Collision),
+    Medium(Collision<'a>),
     /// Nowhere: it leaves the scene.
     Escape,
 }
@@ -41,7 +41,7 @@ impl Arrival {
 
 /// The event in which a ray of unit direction ends that starts within the bodies of `medium`, which is then what the ray arrives in.
 #[inline]
-pub fn next_event(scene: &Scene, ray: &Ray, medium: &mut Surroundings) -> Event {
+pub fn next_event(scene: &Scene, ray: &Ray, medium: &mut Surroundings) -> Event<'static> {
     debug_assert!(!scene.scatters(), "media that scatter end rays as well");
     let Some((hit, passed_null_interface)) = scene.intersect_within(ray, medium) else {
         return Event::Escape;

@@ -4,17 +4,46 @@ use super::event::{Arrival, Event};
 use super::visibility::attenuation_of;
 use crate::math::{Ray, Rgb};
 use crate::media::density::Line;
-use crate::media::{End, Losses, Phase, Surroundings};
+use crate::media::{Distances, End, Losses, Phase, Surroundings, Volume};
 use crate::sampling::{Rng, Stream, mix};
 use crate::scene::{Scene, SurfaceInteraction};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// Null interfaces on one way; a ray that meets more does not get on.
 const MOST_INTERFACES: u32 = 1000;
 
+/// A stretch of a ray within one medium that scatters.
+#[derive(Clone, Copy, Debug)]
+pub struct Stretch<'a> {
+    /// The line, from where the stretch begins.
+    pub line: Line,
+    /// Length of the stretch; infinite where nothing ends it.
+    pub length: f64,
+    /// The medium.
+    pub volume: &'a Volume,
+    /// The bodies around.
+    pub medium: Surroundings,
+    /// What is left of the light of the stretch where the ray starts, over the density of getting there.
+    pub weight: Rgb,
+    /// For estimates of transmittance.
+    pub rng: Rng,
+}
+
+impl Stretch<'_> {
+    /// How distances on the stretch are sampled for a light at `anchor`, if it has a place, in a path of this throughput.
+    pub fn distances(&self, anchor: Option<DVec3>, throughput: Rgb) -> Option<Distances> {
+        let extinction = self.volume.coefficients().extinction();
+        Distances::new(&self.line, anchor, (0.0, self.length), extinction, throughput)
+    }
+}
+
 /// Where a medium scatters light.
 #[derive(Clone, Copy, Debug)]
-pub struct Collision {
+pub struct Collision<'a> {
+    /// The stretch that it is on, and how far from its start.
+    pub stretch: Stretch<'a>,
+    /// Distance from there.
+    pub t: f64,
     /// Place, render space.
     pub position: Vec3,
     /// Distance from where the ray started.
@@ -25,9 +54,9 @@ pub struct Collision {
 
 /// A ray's way through media up to its event.
 #[derive(Clone, Copy, Debug)]
-pub struct Passage {
+pub struct Passage<'a> {
     /// The event in which it ends.
-    pub event: Event,
+    pub event: Event<'a>,
     /// What the throughput of the path is to be multiplied with: transmittance over the density of the event, times the albedo where that
     /// is a scattering.
     pub weight: Rgb,
@@ -36,16 +65,17 @@ pub struct Passage {
 }
 
 /// The event in which a ray of unit direction ends, in a scene whose media scatter ([`Scene::scatters`]), as
-/// [`super::next_event`] elsewhere. `throughput` is that of the path so far, `u` a uniform variate of the path.
+/// [`super::next_event`] elsewhere. `throughput` is that of the path so far, `u` a uniform variate of the path. Each stretch within a medium
+/// that scatters is shown to `pass`, up to its end, wherever the ray collides.
 ///
 /// Interfaces between media of one index, of which one scatters, are null interfaces: the border of a fog is no surface.
-pub fn next_event_in_media(
-    scene: &Scene,
+pub fn next_event_in_media<'a>(
+    scene: &'a Scene,
     ray: &Ray,
     medium: &mut Surroundings,
-    throughput: Rgb,
-    u: f32,
-) -> Passage {
+    (throughput, u): (Rgb, f32),
+    mut pass: impl FnMut(&Stretch<'a>),
+) -> Passage<'a> {
     let mut rng = rng_of(ray, u);
     let (mut ray, mut passed) = (*ray, 0.0);
     let (mut weight, mut emitted) = (Rgb::ONE, Rgb::ZERO);
@@ -55,6 +85,9 @@ pub fn next_event_in_media(
         match (&filling.volume, Line::from_ray(&ray), &hit) {
             (Some(volume), Some((line, _)), hit) => {
                 let t_max = hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance.into());
+                let stretch =
+                    Stretch { line, length: t_max, volume, medium: *medium, weight, rng: rng.split() };
+                pass(&stretch);
                 let flight = volume.fly(&line, t_max, throughput * weight, Losses::Weighted, &mut rng);
                 emitted += weight * flight.emitted;
                 match flight.end {
@@ -62,7 +95,7 @@ pub fn next_event_in_media(
                         weight *= by * volume.coefficients().albedo();
                         let position = line.at(t).as_vec3();
                         let distance = passed + t as f32;
-                        let collision = Collision { position, distance, phase: volume.phase() };
+                        let collision = Collision { stretch, t, position, distance, phase: volume.phase() };
                         return Passage { event: Event::Medium(collision), weight, emitted };
                     }
                     End::Escaped { weight: by } | End::Absorbed { weight: by, .. } => weight *= by,
