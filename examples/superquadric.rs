@@ -131,7 +131,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let lambert = |reflectance| Material::Lambert { reflectance, two_sided: true };
     let glass = Material::Dielectric { inside: 1, outside: 0, interface: Dielectric::new(1.0, 1.5) };
-    let medium = |name: &str, ior, rank| Medium { name: name.to_owned(), ior, absorption: Rgb::ZERO, rank };
+    let medium = |name: &str, ior, rank| Medium {
+        name: name.to_owned(),
+        ior,
+        absorption: Rgb::ZERO,
+        volume: None,
+        rank,
+    };
     let emitter = EmitterShape::Quad(Quad::new(lamp[0], lamp[1], lamp[2])?);
     let light = AreaLight::new(vec![emitter], Rgb::new(70.0, 66.0, 60.0), false, false).ok_or("no light")?;
     let scene = Scene::new(SceneParts {
