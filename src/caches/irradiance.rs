@@ -4,7 +4,7 @@ use super::hemisphere::Irradiance;
 use super::neighbours::Neighbours;
 use super::octree::Octree;
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use glam::{Mat3, Vec3};
 
 /// How much farther a record reaches when a picture is read from the cache than when the cache is filled, so that places
@@ -44,7 +44,7 @@ pub struct Place {
     /// Unit shading normal, on the side that is lit.
     pub normal: Vec3,
     /// What the place lies in.
-    pub medium: Surroundings,
+    pub medium: MediumStack,
     /// Side of a pixel as projected there.
     pub footprint: f32,
 }
@@ -66,7 +66,7 @@ struct Reach {
     /// Distance of the nearest surface it saw, or its neighbours know of: within that nothing is between it and a place.
     open: f32,
     normal: Vec3,
-    medium: Surroundings,
+    medium: MediumStack,
 }
 
 /// Which records reach a place.
@@ -96,7 +96,7 @@ impl Reaches {
     }
 
     /// Whether a record reaches a place.
-    fn covers(&self, position: Vec3, normal: Vec3, medium: Surroundings) -> bool {
+    fn covers(&self, position: Vec3, normal: Vec3, medium: MediumStack) -> bool {
         self.tree
             .at(position)
             .iter()
@@ -111,7 +111,7 @@ impl Reaches {
         reach: &Reach,
         position: Vec3,
         normal: Vec3,
-        medium: Surroundings,
+        medium: MediumStack,
     ) -> Option<f32> {
         let offset = position - reach.position;
         let distance_squared = offset.length_squared();
@@ -191,7 +191,7 @@ impl IrradianceCache {
         &self,
         position: Vec3,
         normal: Vec3,
-        medium: Surroundings,
+        medium: MediumStack,
         connects: impl Fn(Vec3, Vec3) -> bool,
     ) -> Option<Rgb> {
         let mut first: Option<Rgb> = None;
@@ -328,7 +328,7 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream};
 
-    const IN_AIR: Surroundings = Surroundings::AIR;
+    const IN_AIR: MediumStack = MediumStack::AIR;
 
     const SETTINGS: CacheSettings = CacheSettings { error: 0.2, bounds: (Vec3::ZERO, 1.0) };
 
@@ -411,7 +411,7 @@ mod tests {
         assert!(cache.interpolate(near, Vec3::Z, IN_AIR, |_, _| true).is_some());
         assert!(cache.interpolate(near, Vec3::NEG_Z, IN_AIR, |_, _| true).is_none());
         assert!(cache.interpolate(near, Vec3::X, IN_AIR, |_, _| true).is_none());
-        assert!(cache.interpolate(near, Vec3::Z, Surroundings::of(1), |_, _| true).is_none());
+        assert!(cache.interpolate(near, Vec3::Z, MediumStack::of(1), |_, _| true).is_none());
         assert!(
             cache.interpolate(near + 0.05 * Vec3::Z, Vec3::Z, IN_AIR, |_, _| true).is_none(),
             "a step above"

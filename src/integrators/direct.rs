@@ -4,7 +4,7 @@ use super::{Directions, Scratch};
 use crate::bsdf::Lobe;
 use crate::lights::{Light, LightId, Receiver};
 use crate::math::{Ray, Rgb};
-use crate::media::{DistanceSample, Surroundings, collision_density};
+use crate::media::{DistanceSample, MediumStack, collision_density};
 use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, SurfaceInteraction};
@@ -42,7 +42,7 @@ struct Shaded<'a> {
     at: Receiver,
     hit: &'a SurfaceInteraction,
     directions: &'a Directions<'a>,
-    medium: Surroundings,
+    medium: MediumStack,
     /// Index of a light, and what its photons say; all rays to one light from one place share it.
     decided: Option<(usize, Option<ShadowDecision>)>,
 }
@@ -65,7 +65,7 @@ impl<'a> DirectLighting<'a> {
         &self,
         hit: &SurfaceInteraction,
         directions: &Directions<'_>,
-        medium: Surroundings,
+        medium: MediumStack,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Reflected {

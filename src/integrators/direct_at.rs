@@ -2,7 +2,7 @@
 
 use super::{DirectLighting, Directions, Scratch};
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::{SampleStream, Stream, mix};
 use crate::scene::{Material, Scene, SurfaceInteraction};
 use glam::Vec3;
@@ -35,7 +35,7 @@ impl<'a> DirectAt<'a> {
         let mut samples = SampleStream::new(self.seed, number, 0);
         let directions = Directions::of_bsdf(&white);
         let reflected =
-            self.lights.radiance(&hit, &directions, Surroundings::AIR, &mut samples, &mut Scratch::default());
+            self.lights.radiance(&hit, &directions, MediumStack::AIR, &mut samples, &mut Scratch::default());
         Some(reflected.diffuse * PI)
     }
 }

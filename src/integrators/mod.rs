@@ -18,7 +18,7 @@ mod specular;
 pub use direct::{DirectLighting, Reflected, ShadowCounters};
 pub use direct_at::DirectAt;
 pub use directions::Directions;
-pub use glints::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintMap, GlintView, Hunter, PixelGlints};
+pub use glints::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintFinder, GlintMap, GlintView, PixelGlints};
 pub use light_importance::{PhotonBudget, SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{

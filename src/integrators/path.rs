@@ -10,7 +10,7 @@ use crate::bsdf::Lobe;
 use crate::film::{Aov, PixelSample};
 use crate::lights::{LightId, Receiver as LightReceiver};
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
@@ -31,7 +31,7 @@ pub struct PathTracer<'a> {
     direct: DirectLighting<'a>,
     guide: Option<&'a DirectionGuide>,
     max_depth: u32,
-    camera_medium: Surroundings,
+    camera_medium: MediumStack,
 }
 
 /// Which part of the picture light belongs to that reaches a path now, by the surfaces it has met from the camera on.
@@ -77,7 +77,7 @@ impl Class {
 
 impl<'a> PathTracer<'a> {
     /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
-    pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: Surroundings) -> Self {
+    pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumStack) -> Self {
         let direct = DirectLighting::new(scene, 1, true);
         Self { scene, direct, guide: None, max_depth, camera_medium }
     }
@@ -94,7 +94,7 @@ struct State<'a> {
     /// The camera's ray and the specular surfaces met since, where there were no others.
     seen: Option<(&'a EyeRay<'a>, Chain)>,
     throughput: Rgb,
-    medium: Surroundings,
+    medium: MediumStack,
     class: Class,
     partner: Option<MisPartner>,
     /// Where a medium scattered the path last, and its throughput before that, if that is where the ray starts.
@@ -107,7 +107,7 @@ struct State<'a> {
 
 impl<'a> State<'a> {
     /// A path that begins with this ray.
-    fn new(ray: Ray, medium: Surroundings) -> Self {
+    fn new(ray: Ray, medium: MediumStack) -> Self {
         Self {
             ray,
             seen: None,
@@ -310,7 +310,7 @@ impl<'a> PathTracer<'a> {
     pub fn irradiance(
         &self,
         receiver: &Receiver,
-        medium: Surroundings,
+        medium: MediumStack,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Irradiance {

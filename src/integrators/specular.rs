@@ -3,7 +3,7 @@
 use super::glints::Chain;
 use crate::bsdf::{BsdfSample, Lobe};
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 pub(super) use crate::sampling::chain_roulette;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
@@ -14,7 +14,7 @@ use crate::transport::MisPartner;
 pub(super) struct Branch {
     pub ray: Ray,
     pub throughput: Rgb,
-    pub medium: Surroundings,
+    pub medium: MediumStack,
     /// Surfaces met before.
     pub depth: u32,
     /// Share of the camera sample that this branch carries: products of Fresnel terms where paths were split.
@@ -36,7 +36,7 @@ pub(super) struct Branch {
 
 impl Branch {
     /// A path that begins with this ray.
-    pub(super) fn from_eye(ray: Ray, medium: Surroundings) -> Self {
+    pub(super) fn from_eye(ray: Ray, medium: MediumStack) -> Self {
         Self {
             ray,
             throughput: Rgb::ONE,

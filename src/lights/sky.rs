@@ -96,7 +96,7 @@ impl Sky {
         to_rgb(xyz).max(DVec3::ZERO)
     }
 
-    /// The whole surroundings as a map of `2 height` by `height` pixels: the sky, and below the horizon the radiance of a
+    /// The whole medium_stack as a map of `2 height` by `height` pixels: the sky, and below the horizon the radiance of a
     /// Lambertian plain in it, which the sun lights as well if `with_sun`.
     pub fn map(&self, height: usize, with_sun: bool) -> Option<EnvironmentMap> {
         let width = 2 * height;

@@ -1,14 +1,14 @@
 //! What fills the space between surfaces.
 //!
-//! [`Medium`] and [`Surroundings`] are media in bodies that may overlap. [`Volume`] with its [`Coefficients`], [`Phase`] and
+//! [`Medium`] and [`MediumStack`] are media in bodies that may overlap. [`Volume`] with its [`Coefficients`], [`Phase`] and
 //! [`density::Density`] is what scatters in one, and samples the places where light meets it. `docs/media.md` has the formulae.
 
 mod coefficients;
 pub mod density;
 mod distance;
+mod medium_stack;
 mod phase;
 mod presets;
-mod surroundings;
 mod tracking;
 #[cfg(test)]
 mod validation;
@@ -17,9 +17,9 @@ mod volume;
 
 pub use coefficients::{CoefficientError, Coefficients};
 pub use distance::{DistanceSample, Distances, Equiangular, Exponential, collision_density};
+pub use medium_stack::{Crossing, MOST_MEDIA, MediumStack};
 pub use phase::{Lobe, Phase, PhaseError, PhaseSample};
 pub use presets::{NAMED_MEDIA, NamedMedium};
-pub use surroundings::{Crossing, MOST_MEDIA, Surroundings};
 pub use tracking::{End, Flight, Losses};
 pub use vdb::{DENSITY, FLAMES, TEMPERATURE, VdbError, VdbGrid, read_vdb};
 pub use volume::Volume;

@@ -5,7 +5,7 @@
 
 use super::box_map::{BoxMap, area_of_boxes};
 use super::clusters::clustered;
-use super::heading_map::HeadingMap;
+use super::global_projection::GlobalProjection;
 use super::projection_map::{DiscMap, ProjectionMap, one_minus_cos};
 use crate::lights::Light;
 use crate::math::{Frame, Ray, Rgb};
@@ -45,7 +45,7 @@ enum Aim {
     /// Wherever the light shines; distant lights at the sphere around the scene.
     Everywhere,
     /// More of them towards objects than elsewhere.
-    Objects(HeadingMap),
+    Objects(GlobalProjection),
     /// Only towards specular surfaces, from a light with a place.
     Casters(ProjectionMap),
     /// Only towards specular surfaces, from outside.
@@ -267,20 +267,20 @@ impl<'a> Emitter<'a> {
 fn aim_at_objects(light: &Light, bounds: (Vec3, f32), targets: &[Target]) -> (Aim, f64) {
     let (radius, flux) = (bounds.1, light.flux(bounds.1).max_element());
     let map = match light {
-        Light::Area(area) => HeadingMap::of_area(area, targets),
-        Light::Point(point) => HeadingMap::of_point(point.position, warp::square_to_sphere, targets),
+        Light::Area(area) => GlobalProjection::of_area(area, targets),
+        Light::Point(point) => GlobalProjection::of_point(point.position, warp::square_to_sphere, targets),
         Light::Spot(spot) if spot.has_even_squares() => {
             let to_direction = |u| spot.sample(u).map_or(Vec3::Z, |(direction, _)| direction);
-            HeadingMap::of_point(spot.position, to_direction, targets)
+            GlobalProjection::of_point(spot.position, to_direction, targets)
         }
-        Light::Directional(sun) => HeadingMap::of_parallel((sun.direction, 0.0), bounds, targets),
+        Light::Directional(sun) => GlobalProjection::of_parallel((sun.direction, 0.0), bounds, targets),
         Light::Sun(sun) if sun.angular_radius() < 0.1 => {
-            HeadingMap::of_parallel((-sun.towards(), sun.angular_radius()), bounds, targets)
+            GlobalProjection::of_parallel((-sun.towards(), sun.angular_radius()), bounds, targets)
         }
         // Directions in proportion to luminance, places on the disc around the scene.
         Light::Spot(_) | Light::Sun(_) | Light::Environment(_) => None,
     };
-    let gain = map.as_ref().map_or(1.0, HeadingMap::gain);
+    let gain = map.as_ref().map_or(1.0, GlobalProjection::gain);
     if share_that_meets(light, radius, targets) * gain < SPARSE
         && let Some(sparse) = aim_one_by_one(light, radius, targets)
     {

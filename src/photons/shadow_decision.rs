@@ -18,7 +18,7 @@ use super::{Photon, PhotonClass, PhotonMap, Query, Scratch};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Share of a light's contribution to the surroundings of a point that may be blocked (or seen) unnoticed.
+/// Share of a light's contribution to the medium_stack of a point that may be blocked (or seen) unnoticed.
 pub const LARGEST_UNSEEN_SHARE: f64 = 0.01;
 
 /// Probability, at least, that such a share is noticed.

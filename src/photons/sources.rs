@@ -1,6 +1,6 @@
 use super::emission::{Emitter, Goals};
 use crate::lights::LightId;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::Distribution1D;
 use crate::scene::{MapKind, Scene};
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ pub(super) struct Sources<'a> {
     /// By light; `None` where it sends nothing that could be of use.
     emitters: Vec<Option<Emitter<'a>>>,
     /// By light: the medium in front and behind.
-    media: Vec<[Surroundings; 2]>,
+    media: Vec<[MediumStack; 2]>,
     /// By importance; `None` where nothing is emitted.
     choice: Option<Distribution1D>,
     /// Lights that are in more than one medium on one side.
@@ -54,7 +54,7 @@ impl<'a> Sources<'a> {
         self.emitters[light].as_ref()
     }
 
-    pub(super) fn media(&self, light: usize) -> [Surroundings; 2] {
+    pub(super) fn media(&self, light: usize) -> [MediumStack; 2] {
         self.media[light]
     }
 

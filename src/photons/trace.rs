@@ -5,7 +5,7 @@ use super::{Photon, PhotonClass};
 use crate::bsdf::{Bend, Bsdf, BsdfSample, Lambert, Lobe, TransportMode, sides_agree};
 use crate::embree::RawHit;
 use crate::math::{Frame, Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
 use crate::transport::attenuation;
@@ -220,7 +220,7 @@ struct Flight {
     power: Rgb,
     /// Brightest channel of the power with which it started, times the factors of [`chain_roulette`] since.
     started_with: f32,
-    medium: Surroundings,
+    medium: MediumStack,
     /// Surfaces met.
     depth: u32,
     /// Specular ones since the last that was not.

@@ -1,9 +1,9 @@
 //! Looking for glints over the whole picture, before it is rendered.
 
-use super::job::RenderRequest;
+use super::pixels::RenderRequest;
 use crate::camera::{Camera, FilmPlace};
 use crate::film::PixelRect;
-use crate::integrators::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintMap, Hunter, Scratch};
+use crate::integrators::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintFinder, GlintMap, Scratch};
 use crate::observer::Observer;
 use crate::sampling::{SampleStream, Stream, mix};
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
@@ -20,13 +20,13 @@ pub(super) struct Glints<'a> {
     /// Where they are.
     pub(super) map: GlintMap,
     /// By what they were found.
-    pub(super) hunter: Hunter<'a>,
+    pub(super) hunter: GlintFinder<'a>,
     /// How often lamps are met by chance.
     pub(super) meetings: ChanceMeetings,
 }
 
 /// What came of looking for glints.
-pub(super) enum GlintHunt<'a> {
+pub(super) enum GlintSearch<'a> {
     /// All there are.
     Done(Box<Glints<'a>>),
     /// The plan does without.
@@ -35,8 +35,8 @@ pub(super) enum GlintHunt<'a> {
     Late,
 }
 
-impl GlintHunt<'_> {
-    /// What [`GlintHunt::Late`] means to the user.
+impl GlintSearch<'_> {
+    /// What [`GlintSearch::Late`] means to the user.
     pub(super) const LATE: &'static str = "there was no time to look for lamps in glass and mirrors: where they are smaller than a \
         pixel, samples meet them by chance, as white dots; give it more time";
 }
@@ -52,9 +52,9 @@ pub(super) fn find_glints<'a>(
     request: &RenderRequest,
     plan: &RenderPlan,
     observer: &dyn Observer,
-) -> GlintHunt<'a> {
+) -> GlintSearch<'a> {
     if !plan.glints.build {
-        return GlintHunt::Unplanned;
+        return GlintSearch::Unplanned;
     }
     let start = Instant::now();
     let end = observer.deadline().map(|end| start + end.saturating_duration_since(start).mul_f64(TIME_SHARE));
@@ -87,9 +87,9 @@ pub(super) fn find_glints<'a>(
     };
     let count = u32::try_from(PLACES / whole.area().max(1)).unwrap_or(u32::MAX).clamp(IN_PIXEL.0, most);
     observer.begin("looking for lamps in glass and mirrors", u64::from(rows.y1.saturating_sub(rows.y0)));
-    let hunter = Hunter::new(scene, scene.medium_at(camera.eye()), settings.max_depth);
+    let hunter = GlintFinder::new(scene, scene.medium_at(camera.eye()), settings.max_depth);
     let size = Vec2::new(width as f32, height as f32);
-    let seed = mix(settings.seed ^ Stream::GlintHunt as u64);
+    let seed = mix(settings.seed ^ Stream::GlintSearch as u64);
     let found: Vec<(Vec<Glint>, Vec<f32>)> = (rows.y0..rows.y1)
         .into_par_iter()
         .with_max_len(1)
@@ -117,12 +117,12 @@ pub(super) fn find_glints<'a>(
         })
         .collect();
     if is_late() {
-        return GlintHunt::Late;
+        return GlintSearch::Late;
     }
     observer.advance(found.len() as u64);
     let (found, met): (Vec<Vec<Glint>>, Vec<Vec<f32>>) = found.into_iter().unzip();
     let rows_met = (rows.y0..).zip(met);
     let met = rows_met.flat_map(|(y, row)| (rows.x0..).zip(row).map(move |(x, value)| ((x, y), value)));
     let meetings = ChanceMeetings::new((width, height), met);
-    GlintHunt::Done(Box::new(Glints { map: GlintMap::new(found.concat()), hunter, meetings }))
+    GlintSearch::Done(Box::new(Glints { map: GlintMap::new(found.concat()), hunter, meetings }))
 }

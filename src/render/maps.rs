@@ -1,4 +1,4 @@
-//! Pass 1 as a job: traces photons, builds the maps the plan asks for, and says what is odd about them.
+//! Pass 1: traces photons, builds the maps that the plan asks for, and reports what is odd about them.
 
 use super::memory::PhotonCounts;
 use super::saved::SavedMaps;
@@ -144,7 +144,7 @@ pub fn build_maps(
 pub struct ForPicture<'a> {
     /// Photons are shared out by what lights contribute to the picture ([`photon_budget`]); by flux where there is none.
     pub budget: Option<&'a PhotonBudget>,
-    /// What a pretrace found ([`super::finest_distances`]), for the resolution of illumination maps; empty for none.
+    /// The finest pixel footprints ([`super::finest_distances`]), for the resolution of illumination maps; empty for none.
     pub finest: &'a [f32],
     /// Photons of a file in place of traced ones: it has been checked that they are the same.
     pub saved: Option<SavedMaps>,

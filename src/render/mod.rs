@@ -6,27 +6,27 @@ mod adaptive;
 mod batches;
 mod estimate;
 mod glints;
-mod job;
-mod lamps_in_view;
 mod maps;
 mod memory;
 mod pace;
-mod pretrace;
+mod pixel_footprint;
+mod pixels;
 mod probe;
 mod progressive;
 mod saved;
 mod settings;
 mod stats;
 mod table;
+mod visible_emitters;
 mod warnings;
 
 pub use crate::memory::{MemoryError, MemoryEstimate, Resident, allowed_memory};
 pub use crate::observer::{Observer, Silent};
 pub use adaptive::SampleCounts;
-pub use job::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
 pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from, photon_budget};
 pub use memory::PhotonCounts;
-pub use pretrace::finest_distances;
+pub use pixel_footprint::finest_distances;
+pub use pixels::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
 pub use probe::{
     PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe,
 };

@@ -1,9 +1,9 @@
 //! What a render with a time limit can afford. How fast this machine is with this scene, loaded as it is, is measured by a small
 //! photon pass and a few pixels; by that photons are counted, so that maps and a sample of every pixel fit what is left.
 
-use super::job::{CameraSamples, PassTwo, RenderError, RenderRequest};
 use super::maps::{ForPicture, PassOne, build_maps_from};
 use super::memory::PhotonCounts;
+use super::pixels::{CameraSamples, PassTwo, RenderError, RenderRequest};
 use super::settings::{IntegratorKind, Settings};
 use crate::camera::Camera;
 use crate::integrators::PhotonBudget;

@@ -2,13 +2,13 @@
 
 use super::RenderError;
 use super::batches::mean_of_batches;
-use super::job::check_media;
 use super::maps::{ForPicture, build_maps_from, listed};
+use super::pixels::check_media;
 use super::settings::{IntegratorKind, Settings};
 use crate::integrators::{Irradiance, PathTracer, PhotonMapIntegrator, PhotonMaps, Receiver, Scratch};
 use crate::lights::Light;
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::observer::Observer;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{RenderPlan, Scene, SurfaceInteraction};
@@ -183,7 +183,7 @@ impl Tally {
 struct Landing {
     hit: SurfaceInteraction,
     receiver: Receiver,
-    medium: Surroundings,
+    medium: MediumStack,
     /// Whether it is no farther from the point than the lift.
     is_near: bool,
 }

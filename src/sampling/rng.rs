@@ -21,9 +21,9 @@ pub enum Stream {
     /// Paths that tell how much each light contributes.
     LightImportance = 18,
     /// More rays of the camera where it sees lamps.
-    LampsInView = 19,
+    VisibleEmitters = 19,
     /// Where lamps in glass and mirrors are looked for.
-    GlintHunt = 20,
+    GlintSearch = 20,
     /// Further camera samples where such lamps are.
     Glints = 21,
     /// Shadow rays from points where irradiance is precomputed.

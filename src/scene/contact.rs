@@ -12,7 +12,7 @@ use super::touching::{Touching, find_touching};
 use crate::embree::RawHit;
 use crate::lights::Light;
 use crate::math::{Bounds3, Ray, Rgb};
-use crate::media::{AIR, Crossing, Medium, MediumId, Surroundings};
+use crate::media::{AIR, Crossing, Medium, MediumId, MediumStack};
 use arrayvec::ArrayVec;
 use glam::Vec3;
 use std::cell::RefCell;
@@ -58,7 +58,7 @@ impl Borders {
     }
 
     /// What a ray from within `current` passes at all of them together; `None` where there are none.
-    pub(super) fn crossing(&self, current: Surroundings, media: &[Medium]) -> Option<Crossing> {
+    pub(super) fn crossing(&self, current: MediumStack, media: &[Medium]) -> Option<Crossing> {
         let mut all: Option<Crossing> = None;
         for (near, far) in self.each() {
             all = Some(match all {

@@ -7,7 +7,7 @@ use super::surface::SurfaceInteraction;
 use crate::bsdf::Dielectric;
 use crate::lights::Light;
 use crate::math::Ray;
-use crate::media::{AIR, Crossing, MediumId, Surroundings};
+use crate::media::{AIR, Crossing, MediumId, MediumStack};
 use crate::sampling::{Sobol, warp};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -24,7 +24,7 @@ impl Scene {
 
     /// Media that are on the near and far side of a hit for a ray within `current`; `None` where the surface bounds no media.
     #[inline]
-    fn sides(&self, current: &Surroundings, hit: &SurfaceInteraction) -> Option<[MediumId; 2]> {
+    fn sides(&self, current: &MediumStack, hit: &SurfaceInteraction) -> Option<[MediumId; 2]> {
         let [near, far] = self.stated_sides(hit)?;
         if hit.borders.is_empty() {
             return Some(current.sides(near, far, &self.parts.media));
@@ -34,7 +34,7 @@ impl Scene {
     }
 
     /// What a ray within `current` crosses at a hit; `None` where the surface bounds no media.
-    fn crossing(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Crossing> {
+    fn crossing(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<Crossing> {
         let [near, far] = self.stated_sides(hit)?;
         let crossing = if hit.borders.is_empty() {
             current.crossing(near, far, &self.parts.media)
@@ -63,7 +63,7 @@ impl Scene {
 
     /// [`Self::crossing`] for what passes the place of a hit whatever is there: also borders that an opaque surface covers.
     #[inline]
-    fn crossing_behind(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Crossing> {
+    fn crossing_behind(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<Crossing> {
         if hit.borders.is_empty() {
             return self.crossing(current, hit);
         }
@@ -77,7 +77,7 @@ impl Scene {
     pub fn intersect_within(
         &self,
         ray: &Ray,
-        current: &mut Surroundings,
+        current: &mut MediumStack,
     ) -> Option<(SurfaceInteraction, bool)> {
         let hit = self.intersect(ray)?;
         match self.hidden(*current, &hit) {
@@ -88,7 +88,7 @@ impl Scene {
 
     /// Where a ray is behind a border that is not there; `None` for all other surfaces.
     #[inline]
-    pub fn hidden(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Surroundings> {
+    pub fn hidden(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<MediumStack> {
         let [near, far] = self.sides(&current, hit)?;
         if near != far {
             return None;
@@ -98,7 +98,7 @@ impl Scene {
 
     /// Where a ray is behind an interface that is no surface: one that [`Self::hidden`] tells, or a smooth one between media of one index of
     /// which one scatters, as the border of a fog. `None` for all other surfaces.
-    pub fn null_interface(&self, current: Surroundings, hit: &SurfaceInteraction) -> Option<Surroundings> {
+    pub fn null_interface(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<MediumStack> {
         let [near, far] = self.sides(&current, hit)?;
         let [a, b] = [near, far].map(|id| self.medium(id));
         let is_matched = a.ior == b.ior && (a.volume.is_some() || b.volume.is_some());
@@ -114,8 +114,8 @@ impl Scene {
         &self,
         ray: &Ray,
         mut hit: SurfaceInteraction,
-        after: Surroundings,
-        current: &mut Surroundings,
+        after: MediumStack,
+        current: &mut MediumStack,
     ) -> Option<(SurfaceInteraction, bool)> {
         // More than that is a ray that does not get on.
         const BORDERS: u32 = 1000;
@@ -135,7 +135,7 @@ impl Scene {
     /// BSDF and frame at a hit of a ray within `current`: where bodies overlap, an interface is one between what is really on
     /// both of its sides.
     #[inline]
-    pub fn shading_within(&self, hit: &SurfaceInteraction, current: Surroundings) -> Shading {
+    pub fn shading_within(&self, hit: &SurfaceInteraction, current: MediumStack) -> Shading {
         let material = self.material(hit);
         let Some(stated) = material.media() else { return hit.shading(material) };
         let Some([near, far]) = self.sides(&current, hit) else { return hit.shading(material) };
@@ -152,12 +152,12 @@ impl Scene {
     #[inline]
     pub fn medium_after(
         &self,
-        current: Surroundings,
+        current: MediumStack,
         hit: &SurfaceInteraction,
         shading: &Shading,
         direction: Vec3,
         transmission: bool,
-    ) -> Option<Surroundings> {
+    ) -> Option<MediumStack> {
         let passes = direction.dot(shading.geometric) * hit.wo.dot(shading.geometric) < 0.0;
         if passes != transmission {
             return None;
@@ -171,7 +171,7 @@ impl Scene {
     /// Where a ray is that meets the border of a body from inside without having entered it, as the border says; `None` where
     /// it is within `current` by all that the hit tells. The scene's interfaces contradict each other then.
     #[inline]
-    pub fn mismatch(&self, hit: &SurfaceInteraction, current: Surroundings) -> Option<Surroundings> {
+    pub fn mismatch(&self, hit: &SurfaceInteraction, current: MediumStack) -> Option<MediumStack> {
         if hit.borders.is_empty() && current.is_within(self.stated_sides(hit)?[0]) && !current.is_full() {
             return None;
         }
@@ -189,7 +189,7 @@ impl Scene {
 
     /// The bodies around `point`, by asking rays in many directions which they leave: the majority decides. None where no ray
     /// meets an interface.
-    pub fn medium_at(&self, point: Vec3) -> Surroundings {
+    pub fn medium_at(&self, point: Vec3) -> MediumStack {
         self.medium_around(&[(point, Vec3::ZERO)]).0
     }
 
@@ -209,13 +209,13 @@ impl Scene {
 
     /// [`Self::medium_at`] by the votes of all `points`, each by rays on the side of its normal where that is not zero; and
     /// whether more than a quarter of the votes that were cast are for others.
-    pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (Surroundings, bool) {
+    pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (MediumStack, bool) {
         const RAYS: u32 = 32;
         if !self.has_interfaces {
-            return (Surroundings::AIR, false);
+            return (MediumStack::AIR, false);
         }
         let sequence = Sobol::new(0x006d_6564_6975_6d00);
-        let mut votes: Vec<(Surroundings, u32)> = Vec::new();
+        let mut votes: Vec<(MediumStack, u32)> = Vec::new();
         for &(point, normal) in points {
             for index in 0..RAYS {
                 let direction = warp::square_to_sphere(sequence.sample_2d(0, index));
@@ -231,15 +231,15 @@ impl Scene {
         let all: u32 = votes.iter().map(|(_, count)| count).sum();
         // Of equals the first, which is that of the first ray.
         let best = votes.iter().rev().max_by_key(|(_, count)| count);
-        best.map_or((Surroundings::AIR, false), |&(found, count)| (found, 4 * (all - count) > all))
+        best.map_or((MediumStack::AIR, false), |&(found, count)| (found, 4 * (all - count) > all))
     }
 
     /// The bodies that a ray leaves without having entered them; `None` where it meets no interface. Opaque surfaces do not
     /// bound media and are passed.
-    fn left_along(&self, mut ray: Ray) -> Option<Surroundings> {
+    fn left_along(&self, mut ray: Ray) -> Option<MediumStack> {
         // A ray that crosses more surfaces than this says nothing; the others decide.
         const CROSSINGS: u32 = 1000;
-        let (mut start, mut at, mut found) = (Surroundings::AIR, Surroundings::AIR, false);
+        let (mut start, mut at, mut found) = (MediumStack::AIR, MediumStack::AIR, false);
         for _ in 0..CROSSINGS {
             let Some(hit) = self.intersect(&ray) else { return found.then_some(start) };
             let [near, far] =
@@ -249,7 +249,7 @@ impl Scene {
                 let crossing = at.crossing(near, far, &self.parts.media);
                 found = true;
                 // A border that names both media says what fills the place, which is a contradiction within another body.
-                if !crossing.fits && crossing.before != at && (far == AIR || at == Surroundings::AIR) {
+                if !crossing.fits && crossing.before != at && (far == AIR || at == MediumStack::AIR) {
                     start = start.crossing(AIR, near, &self.parts.media).after;
                 }
                 at = crossing.after;

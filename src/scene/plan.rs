@@ -10,7 +10,7 @@ use serde::Serialize;
 use std::fmt;
 
 /// More lamps than these are not looked for in glass and mirrors, where each is looked at by itself.
-const MOST_HUNTED: usize = 256;
+const MOST_SEARCHED: usize = 256;
 
 impl ShadowMode {
     /// Whether shadow photons answer for `light`.
@@ -249,7 +249,7 @@ impl RenderPlan {
             _ if !wanted => return self,
             _ if facts.specular == 0 => Decision::no("no specular surface shows a lamp"),
             _ if lamps == 0 => Decision::no("no light can be seen as a lamp"),
-            _ if lamps > MOST_HUNTED => {
+            _ if lamps > MOST_SEARCHED => {
                 Decision::no(format!("{lamps} lamps are too many to look at one by one"))
             }
             IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {

@@ -13,7 +13,7 @@ use super::texture::MaterialTexture;
 use crate::embree::{CommittedScene, RawHit};
 use crate::lights::{Light, LightChoice, LightId};
 use crate::math::{Ray, Rgb};
-use crate::media::{Medium, MediumId, Surroundings};
+use crate::media::{Medium, MediumId, MediumStack};
 use crate::sampling::Distribution1D;
 use glam::{Vec3, Vec3A};
 use std::collections::BTreeSet;
@@ -48,7 +48,7 @@ pub struct Scene {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LightMedia {
     /// On the side of its normal, and on its back.
-    pub sides: [Surroundings; 2],
+    pub sides: [MediumStack; 2],
     /// Whether one of its sides is in more than one medium.
     pub divided: bool,
 }

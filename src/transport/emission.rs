@@ -3,7 +3,7 @@
 use super::event::{Event, next_event};
 use crate::lights::{Light, LightId, Receiver};
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::scene::{Scene, SurfaceInteraction};
 use glam::Vec3;
 
@@ -81,7 +81,7 @@ pub fn escaped(
 }
 
 /// Radiance of emitters alone along a ray of unit direction that starts within the bodies of `medium`.
-pub fn emission_along(scene: &Scene, ray: &Ray, mut medium: Surroundings) -> Rgb {
+pub fn emission_along(scene: &Scene, ray: &Ray, mut medium: MediumStack) -> Rgb {
     match next_event(scene, ray, &mut medium) {
         Event::Medium(_) => Rgb::ZERO,
         Event::Escape => escaped(scene, ray.direction, None, |_| 1.0),

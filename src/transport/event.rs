@@ -3,7 +3,7 @@
 use super::media::Collision;
 use super::visibility::attenuation_of;
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::scene::{Scene, SurfaceInteraction};
 
 /// Where a ray ends.
@@ -41,7 +41,7 @@ impl Arrival {
 
 /// The event in which a ray of unit direction ends that starts within the bodies of `medium`, which is then what the ray arrives in.
 #[inline]
-pub fn next_event(scene: &Scene, ray: &Ray, medium: &mut Surroundings) -> Event<'static> {
+pub fn next_event(scene: &Scene, ray: &Ray, medium: &mut MediumStack) -> Event<'static> {
     debug_assert!(!scene.scatters(), "media that scatter end rays as well");
     let Some((hit, passed_null_interface)) = scene.intersect_within(ray, medium) else {
         return Event::Escape;

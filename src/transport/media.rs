@@ -4,7 +4,7 @@ use super::event::{Arrival, Event};
 use super::visibility::attenuation_of;
 use crate::math::{Ray, Rgb};
 use crate::media::density::Line;
-use crate::media::{Distances, End, Losses, Phase, Surroundings, Volume};
+use crate::media::{Distances, End, Losses, MediumStack, Phase, Volume};
 use crate::sampling::{Rng, Stream, mix};
 use crate::scene::{Scene, SurfaceInteraction};
 use glam::{DVec3, Vec3};
@@ -22,7 +22,7 @@ pub struct Stretch<'a> {
     /// The medium.
     pub volume: &'a Volume,
     /// The bodies around.
-    pub medium: Surroundings,
+    pub medium: MediumStack,
     /// What is left of the light of the stretch where the ray starts, over the density of getting there.
     pub weight: Rgb,
     /// For estimates of transmittance.
@@ -72,7 +72,7 @@ pub struct Passage<'a> {
 pub fn next_event_in_media<'a>(
     scene: &'a Scene,
     ray: &Ray,
-    medium: &mut Surroundings,
+    medium: &mut MediumStack,
     (throughput, u): (Rgb, f32),
     mut pass: impl FnMut(&Stretch<'a>),
 ) -> Passage<'a> {
@@ -122,7 +122,7 @@ pub fn next_event_in_media<'a>(
 }
 
 /// The first surface along a ray, whatever scatters before it.
-pub fn first_surface(scene: &Scene, ray: &Ray, mut medium: Surroundings) -> Option<SurfaceInteraction> {
+pub fn first_surface(scene: &Scene, ray: &Ray, mut medium: MediumStack) -> Option<SurfaceInteraction> {
     let (mut ray, mut passed) = (*ray, 0.0);
     for _ in 0..MOST_INTERFACES {
         let mut hit = scene.intersect(&ray)?;
@@ -139,7 +139,7 @@ pub fn first_surface(scene: &Scene, ray: &Ray, mut medium: Surroundings) -> Opti
 
 /// Share of the radiance that passes over a segment, or a ray to infinity, within the bodies of `medium` at its start: an unbiased estimate.
 /// `None` where a surface is between.
-pub fn transmittance_in_media(scene: &Scene, segment: &Ray, mut medium: Surroundings) -> Option<Rgb> {
+pub fn transmittance_in_media(scene: &Scene, segment: &Ray, mut medium: MediumStack) -> Option<Rgb> {
     let (line, length) = Line::from_ray(segment)?;
     let mut rng = rng_of(segment, 0.0);
     let direction = line.direction().as_vec3();

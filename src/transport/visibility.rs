@@ -3,7 +3,7 @@
 use super::media::transmittance_in_media;
 use crate::lights::LightSample;
 use crate::math::{Ray, Rgb};
-use crate::media::{Medium, Surroundings};
+use crate::media::{Medium, MediumStack};
 use crate::scene::{Scene, SurfaceInteraction};
 
 /// The segment from a surface to a sampled point of a light, or the ray towards one that is infinitely far away.
@@ -22,7 +22,7 @@ pub fn transmittance(
     scene: &Scene,
     hit: &SurfaceInteraction,
     sample: &LightSample,
-    medium: &Surroundings,
+    medium: &MediumStack,
 ) -> Option<Rgb> {
     let ray = shadow_ray(hit, sample);
     if scene.scatters() {
@@ -36,7 +36,7 @@ pub fn transmittance(
 
 /// Share of the radiance that is left after `distance` (render space) within the bodies of `medium`.
 #[inline]
-pub fn attenuation(scene: &Scene, medium: &Surroundings, distance: f32) -> Rgb {
+pub fn attenuation(scene: &Scene, medium: &MediumStack, distance: f32) -> Rgb {
     attenuation_of(scene.medium(medium.medium()), distance).unwrap_or(Rgb::ONE)
 }
 

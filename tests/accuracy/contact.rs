@@ -131,7 +131,7 @@ fn what_stands_on_something_is_left_into_nothing() {
                     // From below, a ground without thickness is all that there is.
                     if ground_kind < 3 {
                         let ray = placed.ray(above - 2.0 * DVec3::Y, under(&mut rng));
-                        let mut medium = cardioid::media::Surroundings::AIR;
+                        let mut medium = cardioid::media::MediumStack::AIR;
                         let (hit, _) = placed.scene.intersect_within(&ray, &mut medium).unwrap();
                         assert_eq!((placed.name(&hit), medium.medium()), ("ground", AIR), "{what}");
                     }

@@ -3,7 +3,7 @@
 use crate::support::*;
 use cardioid::bsdf::TransportMode;
 use cardioid::math::Ray;
-use cardioid::media::Surroundings;
+use cardioid::media::MediumStack;
 use cardioid::render::{MapKind, Overrides};
 use cardioid::sampling::ONE_MINUS_EPSILON;
 use glam::{Vec2, Vec3};
@@ -382,7 +382,7 @@ fn focal_length_of_a_ball() {
             medium = scene.medium_after(medium, &hit, &shading, direction, sample.transmission).unwrap();
             ray = hit.spawn(direction);
         }
-        assert!(scene.intersect(&ray).is_none() && medium == Surroundings::AIR);
+        assert!(scene.intersect(&ray).is_none() && medium == MediumStack::AIR);
         // Exact for this height, by Snell's law: deviation 2 (i - t), and the way out through the sphere.
         let (sin_i, i) = (f64::from(height), f64::from(height).asin());
         let t = (sin_i / ior).asin();

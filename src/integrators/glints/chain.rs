@@ -3,7 +3,7 @@
 use crate::bsdf::Lobe;
 use crate::integrators::specular::SPLIT_DEPTH;
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::ONE_MINUS_EPSILON;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 use crate::transport::{Event, next_event};
@@ -28,7 +28,7 @@ pub(super) struct ChainEnd {
     /// Leaves the last surface.
     pub ray: Ray,
     /// What the ray is in.
-    pub medium: Surroundings,
+    pub medium: MediumStack,
     /// Radiance that arrives at the camera over that of the ray.
     pub throughput: Rgb,
     /// About the probability with which a camera sample follows this chain and no other: that of the ways taken where interfaces are
@@ -72,7 +72,7 @@ impl Chain {
     }
 
     /// Follows another ray over the same surfaces in the same ways; `None` where it does not meet them.
-    pub(super) fn follow(&self, scene: &Scene, mut ray: Ray, mut medium: Surroundings) -> Option<ChainEnd> {
+    pub(super) fn follow(&self, scene: &Scene, mut ray: Ray, mut medium: MediumStack) -> Option<ChainEnd> {
         if self.is_lost() {
             return None;
         }

@@ -1,12 +1,12 @@
 //! Glints by where they are on the picture, and camera samples drawn from them.
 
 use super::chain::Chain;
-use super::hunt::{Glint, Hunter};
+use super::finder::{Glint, GlintFinder};
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::FilterSampler;
 use crate::lights::LightId;
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::{Rng, warp};
 use crate::scene::Scene;
 use crate::transport::emission_along;
@@ -174,7 +174,7 @@ impl PixelGlints<'_> {
     /// same point of the `lens`.
     pub fn radiance(
         &self,
-        (scene, medium): (&Scene, Surroundings),
+        (scene, medium): (&Scene, MediumStack),
         (camera, size, lens): (&Camera, Vec2, Vec2),
         weight: f32,
         mut numbers: Rng,
@@ -223,7 +223,7 @@ pub struct GlintView<'a> {
     /// Glints of its pixel, which are looked for by further samples ([`PixelGlints::radiance`]).
     pub pixel: Option<&'a PixelGlints<'a>>,
     /// What they were found by.
-    pub hunter: &'a Hunter<'a>,
+    pub hunter: &'a GlintFinder<'a>,
     /// How often lamps are met by chance.
     pub meetings: &'a ChanceMeetings,
     /// Camera samples that the pixel has, where light met by chance is to count for no more than these make certain.

@@ -3,7 +3,7 @@
 //! A ray of the camera that meets a lamp behind specular surfaces finds it by chance alone, as no shadow ray passes those. Where the
 //! image is a small part of a pixel the chance is small and what it brings is large: a white dot in one picture, none in the next.
 //!
-//! Here they are looked for before the picture is rendered ([`Hunter`]): from rays that leave a chain of specular surfaces not far
+//! Here they are looked for before the picture is rendered ([`GlintFinder`]): from rays that leave a chain of specular surfaces not far
 //! off a lamp, by Newton's method on the picture plane. (Newton's method on chains of specular surfaces: Jakob & Marschner,
 //! "Manifold Exploration", SIGGRAPH 2012; here the camera's end of the chain is what moves, and how the ray moves with it is found by
 //! following two rays beside it, as Igehy, "Tracing Ray Differentials", SIGGRAPH 1999, derives.) What is found is a chain of surfaces
@@ -12,11 +12,11 @@
 //! all glints were found or none.
 
 mod chain;
-mod hunt;
+mod cone_light;
+mod finder;
 mod map;
-mod widen;
 
 pub(super) use chain::Chain;
-pub use hunt::{FARTHEST_GLINT, Glint, Hunter};
+pub(super) use cone_light::spread_of;
+pub use finder::{FARTHEST_GLINT, Glint, GlintFinder};
 pub use map::{ChanceMeetings, GlintMap, GlintView, PixelGlints};
-pub(super) use widen::spread_of;

@@ -5,7 +5,7 @@ use super::{PhotonMapIntegrator, Vertex};
 use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
@@ -71,7 +71,7 @@ pub(super) struct Gathered {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Start {
     pub(super) ray: Ray,
-    pub(super) medium: Surroundings,
+    pub(super) medium: MediumStack,
     /// Density of the direction, where light of emitters that the ray hits is wanted as well.
     pub(super) direct_pdf: Option<f32>,
     /// Whether light reflected by what the ray hits is wanted.

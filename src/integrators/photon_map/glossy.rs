@@ -6,7 +6,7 @@ use crate::bsdf::Lobe;
 use crate::integrators::glints::spread_of;
 use crate::integrators::specular::{Branch, SMALLEST_SHARE, SPLIT_DEPTH, chain_roulette};
 use crate::math::{Ray, Rgb};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::{ONE_MINUS_EPSILON, SampleStream};
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 use crate::transport::{MisPartner, receiver};
@@ -101,7 +101,7 @@ fn choose(u: f32, glossy: f32, specular: f32) -> (Lobe, f32, f32) {
 /// A gather ray that goes on.
 pub(super) struct Continued {
     pub ray: Ray,
-    pub medium: Surroundings,
+    pub medium: MediumStack,
     pub throughput: Rgb,
 }
 
@@ -114,7 +114,7 @@ impl PhotonMapIntegrator<'_> {
     /// ray that goes on costs as much as one more.
     pub(super) fn continue_gathering(
         &self,
-        (medium, first): (Surroundings, bool),
+        (medium, first): (MediumStack, bool),
         hit: &SurfaceInteraction,
         shading: &Shading,
         numbers: [f32; 4],

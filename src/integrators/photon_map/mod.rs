@@ -23,7 +23,7 @@ use super::{Directions, EyeRay, Integrator, Scratch};
 use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::photons::{
     DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion,
     ShadowMaps,
@@ -175,7 +175,7 @@ pub struct PhotonMapIntegrator<'a> {
     settings: PhotonMapSettings,
     direct: DirectLighting<'a>,
     bsdf_sampling: bool,
-    camera_medium: Surroundings,
+    camera_medium: MediumStack,
     cache: Option<IrradianceCache>,
 }
 
@@ -183,7 +183,7 @@ pub struct PhotonMapIntegrator<'a> {
 struct Vertex<'a> {
     hit: &'a SurfaceInteraction,
     shading: &'a Shading,
-    medium: Surroundings,
+    medium: MediumStack,
     /// Share of the camera sample that arrives here: scales the number of gather rays.
     share: f32,
     /// What light from here is multiplied by on its way to the eye, brightest channel.
@@ -201,7 +201,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         maps: &'a PhotonMaps,
         plan: &RenderPlan,
         settings: PhotonMapSettings,
-        camera_medium: Surroundings,
+        camera_medium: MediumStack,
     ) -> Self {
         let bsdf_sampling = plan.bsdf_sampling.build;
         let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling)

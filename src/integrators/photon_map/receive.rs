@@ -5,7 +5,7 @@ use super::{PhotonMapIntegrator, Vertex};
 use crate::film::PixelSample;
 use crate::integrators::{Irradiance, Receiver, Scratch};
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::photons::{PhotonClass, PhotonClasses};
 use crate::sampling::SampleStream;
 use std::f32::consts::PI;
@@ -16,7 +16,7 @@ impl PhotonMapIntegrator<'_> {
     pub fn gathered_irradiance(
         &self,
         receiver: &Receiver,
-        medium: Surroundings,
+        medium: MediumStack,
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Irradiance {

@@ -6,7 +6,7 @@ use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::{EyeRay, Integrator, Scratch};
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
 use std::f32::consts::FRAC_1_PI;
@@ -18,7 +18,7 @@ pub struct ShowPhotons<'a> {
     maps: &'a PhotonMaps,
     kind: MapKind,
     settings: PhotonMapSettings,
-    camera_medium: Surroundings,
+    camera_medium: MediumStack,
 }
 
 impl<'a> ShowPhotons<'a> {
@@ -28,7 +28,7 @@ impl<'a> ShowPhotons<'a> {
         maps: &'a PhotonMaps,
         kind: MapKind,
         settings: PhotonMapSettings,
-        camera_medium: Surroundings,
+        camera_medium: MediumStack,
     ) -> Self {
         Self { scene, maps, kind, settings, camera_medium }
     }

@@ -5,7 +5,7 @@ use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::{EyeRay, Integrator, Scratch};
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::photons::{PhotonClass, PhotonClasses, PhotonMap, Query};
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
@@ -24,7 +24,7 @@ pub struct ShowClasses<'a> {
     maps: &'a PhotonMaps,
     kind: MapKind,
     max_depth: u32,
-    camera_medium: Surroundings,
+    camera_medium: MediumStack,
 }
 
 impl<'a> ShowClasses<'a> {
@@ -34,7 +34,7 @@ impl<'a> ShowClasses<'a> {
         maps: &'a PhotonMaps,
         kind: MapKind,
         settings: PhotonMapSettings,
-        camera_medium: Surroundings,
+        camera_medium: MediumStack,
     ) -> Self {
         Self { scene, maps, kind, max_depth: settings.max_depth, camera_medium }
     }

@@ -6,7 +6,7 @@ use crate::film::{Aov, PixelSample};
 use crate::integrators::specular::{Branch, push_children};
 use crate::integrators::{EyeRay, Scratch, describe_first_hit};
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
 use crate::transport::{Arrival, Event, emitted, escaped, next_event};
@@ -30,7 +30,7 @@ pub(super) struct Walk<'a> {
 pub(super) fn walk_specular<const N: usize>(
     walk: Walk<'_>,
     camera: &EyeRay<'_>,
-    camera_medium: Surroundings,
+    camera_medium: MediumStack,
     samples: &mut SampleStream,
     scratch: &mut Scratch,
     shade: &mut impl FnMut(&Vertex<'_>, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); N],

@@ -1,6 +1,6 @@
 //! By what law rounds narrow, and whose random numbers they take.
 
-use crate::render::job::CameraSamples;
+use crate::render::pixels::CameraSamples;
 use crate::sampling::mix;
 
 /// The parameter of the law: the share of each round's photons that, seen as one growing map, would count. Two thirds balance

@@ -11,12 +11,12 @@ mod law;
 pub use checkpoint::{Checkpoint, CheckpointError, blank_checkpoint_bytes, parse_checkpoint_bytes};
 pub use error::{ErrorEstimate, error_of_halves};
 
-use super::glints::{GlintHunt, Glints, find_glints};
-use super::job::{
-    PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, check_media, statistics,
-};
+use super::glints::{GlintSearch, Glints, find_glints};
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
 use super::pace::Pace;
+use super::pixels::{
+    PassTwo, PassTwoReport, RenderError, RenderRequest, Rendered, Stop, check_media, statistics,
+};
 use super::settings::Settings;
 use super::stats::Statistics;
 use crate::camera::Camera;
@@ -151,10 +151,10 @@ pub fn render_in_rounds(
     state.header.statistics.target_error = settings.target_error;
     let mut warnings = Vec::new();
     let glints = match find_glints(scene, camera, request, plan, observer) {
-        GlintHunt::Done(glints) => Some(*glints),
-        GlintHunt::Unplanned => None,
-        GlintHunt::Late => {
-            warnings.push(GlintHunt::LATE.to_owned());
+        GlintSearch::Done(glints) => Some(*glints),
+        GlintSearch::Unplanned => None,
+        GlintSearch::Late => {
+            warnings.push(GlintSearch::LATE.to_owned());
             None
         }
     };

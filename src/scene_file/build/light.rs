@@ -16,7 +16,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most values of a picture of surroundings, at 24 bytes of memory for each pixel: 8192 by 4096 pixels of four.
+/// Most values of a picture of medium_stack, at 24 bytes of memory for each pixel: 8192 by 4096 pixels of four.
 const MOST_VALUES: u64 = 1 << 27;
 
 /// Rows of the table of a sky.

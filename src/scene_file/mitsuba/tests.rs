@@ -360,7 +360,7 @@ fn lights_shine_along_their_axes() {
     assert!((axes * local - DVec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-9);
 }
 
-/// A spot in the picture of surroundings is seen where Mitsuba sees it: the picture begins at -z, goes on over x, and is turned by
+/// A spot in the picture of medium_stack is seen where Mitsuba sees it: the picture begins at -z, goes on over x, and is turned by
 /// the transform.
 #[test]
 fn surroundings_stand_as_in_mitsuba() {

@@ -4,12 +4,12 @@
 //! dot in one picture and missing in the next. What a lamp sends to the camera needs no shading, so where a pixel may see one, more
 //! rays are drawn for that alone. Each is one more sample of the pixel's filter: nothing is blurred, and the mean does not change.
 
-use super::job::RenderRequest;
+use super::pixels::RenderRequest;
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{FilterSampler, PixelRect};
 use crate::lights::Light;
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::Rng;
 use crate::scene::Scene;
 use crate::transport::emission_along;
@@ -37,14 +37,14 @@ impl LampDisc {
 
 /// The lamps in a picture.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LampsInView {
+pub(super) struct VisibleEmitters {
     lamps: Vec<LampDisc>,
-    medium: Surroundings,
+    medium: MediumStack,
 }
 
-impl LampsInView {
+impl VisibleEmitters {
     /// What `camera`, in `medium`, sees.
-    pub(super) fn new(scene: &Scene, camera: &Camera, medium: Surroundings, request: &RenderRequest) -> Self {
+    pub(super) fn new(scene: &Scene, camera: &Camera, medium: MediumStack, request: &RenderRequest) -> Self {
         let size = Vec2::new(request.width as f32, request.height as f32);
         let margin = request.filter.radius() * std::f32::consts::SQRT_2 + 0.5;
         let lamps = scene.lights().iter().filter_map(|light| {

@@ -1,16 +1,16 @@
-//! Pass 2 as a job: tiles of pixels on all threads, merged in order.
+//! Pass 2: tiles of pixels on all threads, merged in order.
 
 use super::adaptive::{Moments, SampleCounts, pilot_samples};
-use super::glints::{GlintHunt, Glints, find_glints};
-use super::lamps_in_view::LampsInView;
+use super::glints::{GlintSearch, Glints, find_glints};
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
 use super::memory::PhotonCounts;
 use super::pace::{Pace, Paced};
-use super::pretrace::finest_distances;
+use super::pixel_footprint::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
 use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Statistics, Times};
+use super::visible_emitters::VisibleEmitters;
 use super::warnings::warn;
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{
@@ -21,7 +21,7 @@ use crate::integrators::{
     PhotonMapSettings, PhotonMaps, Scratch, ShadowCounters, ShowClasses, ShowPhotons,
 };
 use crate::math::Rgb;
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::memory::{MemoryError, Resident, resident_memory};
 use crate::observer::{Observer, Silent};
 use crate::sampling::{Rng, SampleStream, Stream};
@@ -224,10 +224,10 @@ pub fn render_with_maps(
     }
     let begun = Instant::now();
     let glints = match find_glints(scene, camera, request, &plan, observer) {
-        GlintHunt::Done(glints) => Some(*glints),
-        GlintHunt::Unplanned => None,
-        GlintHunt::Late => {
-            pass_one.warnings.push(GlintHunt::LATE.to_owned());
+        GlintSearch::Done(glints) => Some(*glints),
+        GlintSearch::Unplanned => None,
+        GlintSearch::Late => {
+            pass_one.warnings.push(GlintSearch::LATE.to_owned());
             None
         }
     };
@@ -345,7 +345,7 @@ impl PassTwo<'_> {
     }
 
     /// What samples are computed by, without an irradiance cache.
-    fn integrator(&self, medium: Surroundings) -> Box<dyn Integrator + '_> {
+    fn integrator(&self, medium: MediumStack) -> Box<dyn Integrator + '_> {
         let Self { scene, settings, plan, maps, reading, .. } = *self;
         match settings.integrator {
             IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
@@ -366,16 +366,16 @@ impl PassTwo<'_> {
         &'b self,
         integrator: &'b dyn Integrator,
         sampler: &'b FilterSampler,
-        medium: Surroundings,
+        medium: MediumStack,
         observer: &'b dyn Observer,
     ) -> PixelPass<'b> {
         let Self { scene, settings, .. } = *self;
         let lamps = match settings.integrator {
-            IntegratorKind::Photons => LampsInView::default(),
+            IntegratorKind::Photons => VisibleEmitters::default(),
             // Rays of their own would not see what a medium hides.
-            _ if scene.scatters() => LampsInView::default(),
+            _ if scene.scatters() => VisibleEmitters::default(),
             IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
-                LampsInView::new(scene, self.camera, medium, self.request)
+                VisibleEmitters::new(scene, self.camera, medium, self.request)
             }
         };
         PixelPass {
@@ -561,11 +561,11 @@ struct PixelPass<'a> {
     sampler: &'a FilterSampler,
     integrator: &'a dyn Integrator,
     scene: &'a Scene,
-    lamps: LampsInView,
+    lamps: VisibleEmitters,
     glints: Option<&'a Glints<'a>>,
     /// Camera samples that pixels have of all rounds up to this one, where lamps met by chance count by those.
     certain: Option<f32>,
-    medium: Surroundings,
+    medium: MediumStack,
     samples: CameraSamples,
     observer: &'a dyn Observer,
 }
@@ -729,7 +729,7 @@ impl PixelPass<'_> {
                     sample.add(Aov::Specular, glints.radiance(by, view, filtered.weight, numbers));
                 }
                 if shows_lamps {
-                    let numbers = Rng::new(seed, Stream::LampsInView, (pixel << 32) | u64::from(index));
+                    let numbers = Rng::new(seed, Stream::VisibleEmitters, (pixel << 32) | u64::from(index));
                     let emission = &mut sample.radiance[Aov::Emission as usize];
                     let view = (self.camera, self.sampler, place, filtered.weight);
                     *emission = self.lamps.refined(self.scene, view, *emission, numbers);

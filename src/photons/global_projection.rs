@@ -23,7 +23,7 @@ const WORTH_IT: f64 = 0.75;
 
 /// Which squares of random numbers send photons towards objects.
 #[derive(Clone, Debug)]
-pub(super) struct HeadingMap {
+pub(super) struct GlobalProjection {
     choice: Distribution2D,
     /// Density where there may be something, over that of even squares.
     gain: f64,
@@ -32,7 +32,7 @@ pub(super) struct HeadingMap {
     marked: Vec<bool>,
 }
 
-impl HeadingMap {
+impl GlobalProjection {
     fn new(is_marked: impl Fn(Vec2) -> bool) -> Option<Self> {
         let corner = |bin: usize| Vec2::new((bin / SIDE) as f32, (bin % SIDE) as f32) / SIDE as f32;
         let marked: Vec<bool> = (0..SIDE * SIDE).map(|bin| is_marked(corner(bin))).collect();
@@ -201,9 +201,9 @@ mod tests {
             let direction = unit(warp::square_to_sphere(rng.next_2d())).unwrap();
             let bounds = (Vec3::ZERO, 2.0);
             let all = [
-                HeadingMap::of_area(&light, &targets),
-                HeadingMap::of_point(point.position, warp::square_to_sphere, &targets),
-                HeadingMap::of_parallel((direction, 0.0), bounds, &targets),
+                GlobalProjection::of_area(&light, &targets),
+                GlobalProjection::of_point(point.position, warp::square_to_sphere, &targets),
+                GlobalProjection::of_parallel((direction, 0.0), bounds, &targets),
             ];
             for (kind, map) in all.into_iter().enumerate() {
                 let Some(map) = map else { continue };
@@ -238,7 +238,7 @@ mod tests {
     fn factors_are_those_of_a_density() {
         let targets = [Target::of_sphere(Vec3::X, 0.3)];
         let point = PointLight { position: Vec3::ZERO, intensity: Rgb::ONE };
-        let map = HeadingMap::of_point(point.position, warp::square_to_sphere, &targets).unwrap();
+        let map = GlobalProjection::of_point(point.position, warp::square_to_sphere, &targets).unwrap();
         let n = 512;
         let (mut sum, mut most): (f64, f32) = (0.0, 0.0);
         let mut seen = vec![false; SIDE * SIDE];

@@ -14,7 +14,7 @@ const MOST_OF_ONE: u16 = u16::MAX;
 
 /// Bodies around a place, by their media, the one that fills it first. Two bodies of one medium count twice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Surroundings {
+pub struct MediumStack {
     /// By rank, each once; air after the last.
     media: [MediumId; MOST_MEDIA],
     /// Bodies of each.
@@ -25,9 +25,9 @@ pub struct Surroundings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crossing {
     /// Where the ray comes from, as the border says.
-    pub before: Surroundings,
+    pub before: MediumStack,
     /// Where it is when it has passed.
-    pub after: Surroundings,
+    pub after: MediumStack,
     /// Whether the ray was where the border says: within the body whose border it meets from inside, and within no more
     /// bodies than are kept.
     pub fits: bool,
@@ -57,7 +57,7 @@ impl Crossing {
     }
 }
 
-impl Surroundings {
+impl MediumStack {
     /// Within no body.
     pub const AIR: Self = Self { media: [AIR; MOST_MEDIA], counts: [0; MOST_MEDIA] };
 
@@ -184,7 +184,7 @@ mod tests {
         let media = media(&[2, 1, 3]);
         let orders = [[1, 2, 3], [1, 3, 2], [2, 1, 3], [2, 3, 1], [3, 1, 2], [3, 2, 1]];
         for into in orders {
-            let mut at = Surroundings::AIR;
+            let mut at = MediumStack::AIR;
             for body in into {
                 let crossing = at.crossing(AIR, body, &media);
                 assert!(crossing.fits && crossing.before == at);
@@ -203,7 +203,7 @@ mod tests {
                     let best = out[left + 1..].iter().copied().min_by_key(|&id| media[id as usize].rank);
                     assert_eq!(at.medium(), best.unwrap_or(AIR));
                 }
-                assert_eq!(at, Surroundings::AIR);
+                assert_eq!(at, MediumStack::AIR);
             }
         }
     }
@@ -216,7 +216,7 @@ mod tests {
         for walk in 0..2000 {
             // Few media, so that bodies of one medium overlap; many, so that the stack is full.
             let count = if walk % 2 == 0 { 4 } else { media.len() };
-            let mut at = Surroundings::AIR;
+            let mut at = MediumStack::AIR;
             for _ in 0..60 {
                 let mut one = || ((rng.next_f32() * count as f32) as usize).min(count - 1) as MediumId;
                 let (near, far) = (one(), one());
@@ -237,19 +237,19 @@ mod tests {
     #[test]
     fn two_bodies_of_a_medium_are_one() {
         let media = media(&[1]);
-        let first = Surroundings::AIR.crossing(AIR, 1, &media);
+        let first = MediumStack::AIR.crossing(AIR, 1, &media);
         let second = first.after.crossing(AIR, 1, &media);
         assert!(!first.is_hidden() && second.is_hidden());
         let (third, fourth) = (second.after.crossing(1, AIR, &media), first.after.crossing(1, AIR, &media));
-        assert!(third.is_hidden() && third.after == first.after && fourth.after == Surroundings::AIR);
+        assert!(third.is_hidden() && third.after == first.after && fourth.after == MediumStack::AIR);
     }
 
     #[test]
     fn borders_that_name_both_media_exchange_them() {
         let media = media(&[1, 2]);
-        let glass = Surroundings::of(1);
+        let glass = MediumStack::of(1);
         let crossing = glass.crossing(1, 2, &media);
-        assert_eq!((crossing.before, crossing.after), (glass, Surroundings::of(2)));
+        assert_eq!((crossing.before, crossing.after), (glass, MediumStack::of(2)));
         assert!(crossing.fits && !crossing.is_full);
     }
 
@@ -258,12 +258,12 @@ mod tests {
         let ranks: Vec<u32> = (1..=MOST_MEDIA as u32 + 1).collect();
         let media = media(&ranks);
         // Out of a body that was never entered.
-        let crossing = Surroundings::AIR.crossing(1, AIR, &media);
-        let of_first = Surroundings::of(1);
-        assert_eq!((crossing.before, crossing.after), (of_first, Surroundings::AIR));
+        let crossing = MediumStack::AIR.crossing(1, AIR, &media);
+        let of_first = MediumStack::of(1);
+        assert_eq!((crossing.before, crossing.after), (of_first, MediumStack::AIR));
         assert!(!crossing.fits && !crossing.is_full);
         // Into bodies of more media than are kept: the best stay.
-        let mut at = Surroundings::AIR;
+        let mut at = MediumStack::AIR;
         let last = MOST_MEDIA as MediumId + 1;
         for body in (2..=last).rev() {
             let crossing = at.crossing(AIR, body, &media);
@@ -278,7 +278,7 @@ mod tests {
     #[test]
     fn bodies_of_one_medium_nest_as_deep_as_they_like() {
         let media = media(&[1, 2]);
-        let mut at = Surroundings::of(2);
+        let mut at = MediumStack::of(2);
         for depth in 0..1000 {
             let crossing = at.crossing(AIR, 1, &media);
             assert!(crossing.fits && crossing.is_hidden() == (depth > 0));
@@ -289,23 +289,23 @@ mod tests {
             assert!(crossing.fits && crossing.is_hidden() == (depth > 0));
             at = crossing.after;
         }
-        assert_eq!(at, Surroundings::of(2));
+        assert_eq!(at, MediumStack::of(2));
     }
 
     #[test]
     fn borders_at_one_place_are_one_crossing() {
         let media = media(&[1, 2]);
         // Out of one body and into another: from glass to water, and not by way of air.
-        let glass = Surroundings::of(1);
+        let glass = MediumStack::of(1);
         let crossing = glass.crossing(1, AIR, &media).and(AIR, 2, &media);
-        assert_eq!((crossing.before, crossing.after), (glass, Surroundings::of(2)));
+        assert_eq!((crossing.before, crossing.after), (glass, MediumStack::of(2)));
         assert!(crossing.fits && !crossing.is_hidden());
         // Between two bodies of one medium there is nothing.
         let crossing = glass.crossing(1, AIR, &media).and(AIR, 1, &media);
         assert!(crossing.fits && crossing.is_hidden() && crossing.after == glass);
         // A body that was never entered was around the ray before either border.
-        let crossing = Surroundings::AIR.crossing(1, AIR, &media).and(2, AIR, &media);
+        let crossing = MediumStack::AIR.crossing(1, AIR, &media).and(2, AIR, &media);
         assert!(!crossing.fits && crossing.before.medium() == 1 && crossing.before.media().count() == 2);
-        assert_eq!(crossing.after, Surroundings::AIR);
+        assert_eq!(crossing.after, MediumStack::AIR);
     }
 }

@@ -7,7 +7,7 @@
 //! shadow rays. The cone is as wide as what the ray stands for, among the others of its lobe and pixel, is spread by
 //! the mirror: it vanishes as samples become many, and what a mirror shows sharply itself is not touched.
 
-use super::hunt::{Hunter, Lamp};
+use super::finder::{GlintFinder, Lamp};
 use crate::bsdf::Lobe;
 use crate::integrators::Scratch;
 use crate::integrators::specular::Branch;
@@ -26,7 +26,7 @@ const LARGEST_LAMP: f32 = 0.1;
 const WIDEST: f32 = 0.5;
 
 /// Tangent of the angle of a cone for which a ray drawn with this density per solid angle, one of `count` of the same camera
-/// sample, stands. Camera samples make it narrower ([`Hunter::widened`]).
+/// sample, stands. Camera samples make it narrower ([`GlintFinder::widened`]).
 ///
 /// By the root of their count and not in proportion: each ray's cone would else be smaller by as much as they are more, and noise
 /// would not shrink.
@@ -34,7 +34,7 @@ pub(in crate::integrators) fn spread_of(pdf: f32, count: u32) -> f32 {
     (1.0 / (PI * pdf * (count as f32).sqrt())).sqrt()
 }
 
-impl Hunter<'_> {
+impl GlintFinder<'_> {
     /// Radiance that a specular lobe sends back along the ray `before`, of lamps that shadow rays find in a cone around where
     /// that lobe continues it: with the `branch`, whose [`Branch::throughput`] is contained. A pixel has this many
     /// `camera_samples`.

@@ -6,7 +6,7 @@ use crate::integrators::Scratch;
 use crate::integrators::specular::{Branch, push_children, push_specular};
 use crate::lights::{Light, LightId};
 use crate::math::{Frame, Ray};
-use crate::media::Surroundings;
+use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
 use crate::transport::{Arrival, Event, next_event};
@@ -177,16 +177,16 @@ struct Seen<'a> {
 
 /// Looks for lamps in glass and mirrors.
 #[derive(Clone, Debug)]
-pub struct Hunter<'a> {
+pub struct GlintFinder<'a> {
     pub(super) scene: &'a Scene,
-    camera_medium: Surroundings,
+    camera_medium: MediumStack,
     max_depth: u32,
     pub(super) lamps: Vec<Lamp>,
 }
 
-impl<'a> Hunter<'a> {
+impl<'a> GlintFinder<'a> {
     /// For chains shorter than `max_depth` from a camera in `camera_medium`.
-    pub fn new(scene: &'a Scene, camera_medium: Surroundings, max_depth: u32) -> Self {
+    pub fn new(scene: &'a Scene, camera_medium: MediumStack, max_depth: u32) -> Self {
         let lamps = scene.lights().iter().zip(0..).filter_map(|(light, id)| Lamp::new(light, id)).collect();
         Self { scene, camera_medium, max_depth, lamps }
     }
@@ -213,7 +213,7 @@ impl<'a> Hunter<'a> {
             }
             if !chain.is_empty() {
                 let seen = Seen { camera: &ray, chain, ray: branch.ray };
-                found.extend(self.lamps.iter().filter_map(|lamp| self.hunt(lamp, &seen)));
+                found.extend(self.lamps.iter().filter_map(|lamp| self.solve(lamp, &seen)));
             }
             let event = next_event(self.scene, &branch.ray, &mut branch.medium);
             let Event::Surface(Arrival { hit, .. }) = event else { continue };
@@ -238,7 +238,7 @@ impl<'a> Hunter<'a> {
     }
 
     /// The place of the picture from which the chain leads to the middle of the lamp.
-    fn hunt(&self, lamp: &Lamp, seen: &Seen<'_>) -> Option<Glint> {
+    fn solve(&self, lamp: &Lamp, seen: &Seen<'_>) -> Option<Glint> {
         let start = seen.camera.place();
         let mut miss = lamp.miss(&seen.ray).filter(|&miss| miss < NEAR)?;
         let (mut offset, mut ray) = (Vec2::ZERO, seen.ray);

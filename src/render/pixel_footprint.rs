@@ -1,4 +1,4 @@
-//! A simple pretrace of the scene (Jensen & Christensen 1995, section 3.2): how finely the camera sees each surface.
+//! Footprint of a pixel on each surface, by a simple pretrace from the camera (Jensen & Christensen 1995, section 3.2).
 
 use crate::camera::Camera;
 use crate::scene::Scene;
