@@ -2,34 +2,36 @@
 //!
 //! "When adding photons to the estimate and being near an edge the changes of the estimate will be monotonic [...] we
 //! stop adding photons and use the estimate available" (Jensen & Christensen 1995, section 3.3). Taken to the letter
-//! any estimate stops, as chance makes runs too: one that happens to be high among its nearest photons falls from there
-//! on. Here a run has to be longer, and its change larger, than chance explains.
+//! any estimate stops, because monotonic runs also occur by chance: an estimate that happens to be high among its
+//! nearest photons falls from there on. Here a run must be longer, and its change larger, than chance explains.
 //!
-//! The disc is looked at in shares of its area, not of its photons: given the whole, the flux in a share of fixed area
-//! varies evenly to both sides, so that chance stops estimates which are too high no more often than those too low.
+//! The disc is divided by area and not by number of photons. Given the flux of the whole disc, the flux in a fixed
+//! share of its area varies evenly to both sides. Chance therefore stops estimates that are too high as often as those
+//! that are too low.
 
-/// Looks at an estimate, each at so many times the area of the one before, the last at the whole.
+/// Estimates that are compared, each over `STEP` times the area of the one before, the last over the whole disc.
 const LOOKS: usize = 10;
 const STEP: f32 = 1.25;
 
-/// Photons that uniform flux would have in the smallest disc that is looked at.
+/// Expected number of photons, in uniform flux, in the smallest disc that is used.
 const FEWEST: f32 = 12.0;
 
-/// Changes in one direction, one after the other, that make a run.
+/// Consecutive changes in one direction that make a run.
 const RUN: u32 = 3;
 
-/// How large the change of a run must be, in standard deviations of what uniform flux would show.
+/// Least change of a run, in standard deviations under uniform flux.
 const DEVIATIONS: f64 = 3.0;
 
-/// Share of its squared radius to which an estimate is to shrink; `None` where it has no reason to.
+/// Factor on the squared radius to which an estimate is to shrink; `None` where there is no reason to shrink it.
 ///
-/// `photons` has the squared distance of each, as a share of the squared radius, and its flux (any fixed measure of it).
+/// `photons` holds, for each photon, its squared distance as a share of the squared radius, and its flux (any fixed
+/// measure of it).
 pub(super) fn shrink(photons: impl ExactSizeIterator<Item = (f32, f32)>) -> Option<f32> {
     let shares: [f32; LOOKS] = std::array::from_fn(|i| STEP.powi(i as i32 + 1 - LOOKS as i32));
     let count = photons.len() as f32;
     let (mut flux, mut squares) = ([0.0f64; LOOKS], 0.0f64);
     for (share, power) in photons {
-        // The smallest look that has it.
+        // The smallest disc that contains the photon.
         let look = shares.iter().filter(|&&s| s < share).count().min(LOOKS - 1);
         flux[look] += f64::from(power);
         squares += f64::from(power) * f64::from(power);
@@ -50,7 +52,7 @@ pub(super) fn shrink(photons: impl ExactSizeIterator<Item = (f32, f32)>) -> Opti
         }
         run += 1;
         let change = densities[look] - densities[start];
-        // Given the flux of the larger disc, that of a smaller one varies by the area that it leaves out.
+        // Given the flux of the larger disc, the flux of a smaller one varies with the area that it leaves out.
         let chance = variance * f64::from(1.0 / shares[start] - 1.0 / shares[look]);
         if run >= RUN && change.abs() > DEVIATIONS * chance.sqrt() * densities[look] {
             return Some(shares[start]);

@@ -1,3 +1,5 @@
+//! Density estimates from the photons near a place: irradiance and reflected radiance.
+
 use super::domain::clear_distance;
 use super::map::{PhotonMap, Query, Scratch, leaves_surface};
 use super::{Estimator, Kernel, KernelDomain, SearchRegion, Seen, Sight, differential};
@@ -5,7 +7,7 @@ use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 
-/// How photons are weighed.
+/// How photons are weighted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateParams {
     /// Weight of a photon by its distance.
@@ -14,10 +16,11 @@ pub struct EstimateParams {
     pub estimator: Estimator,
 }
 
-/// An estimate of density, and what it rests on.
+/// A density estimate with its number of photons and its radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
-    /// Irradiance in W m^-2 or radiance in W m^-2 sr^-1, as the function says. Always finite; zero without photons.
+    /// Irradiance in W m^-2 or radiance in W m^-2 sr^-1, depending on the function. Always finite; zero without
+    /// photons.
     pub value: Rgb,
     /// Count of photons in the sum.
     pub photons: u32,
@@ -25,55 +28,56 @@ pub struct Estimate {
     pub radius: f32,
     /// Whether differential checking left out photons that were found.
     pub at_edge: bool,
-    /// The same estimate over the disc of [`NARROWER`] of the radius, from the same photons, where [`Query::narrower`] asks
-    /// for it; else [`Self::value`]. What both differ by tells the bias.
+    /// The same estimate over the disc of [`NARROWER`] times the radius, from the same photons, where
+    /// [`Query::narrower`] asks for it; otherwise [`Self::value`]. The difference between the two shows the bias.
     pub narrower: Rgb,
-    /// Whether the disc is of this place: more than next to nothing of it can be seen from its centre.
+    /// Whether the disc belongs to this place: more than a negligible part of it can be seen from its centre.
     pub is_local: bool,
 }
 
 /// Radius of the second estimate over that of the first: half of the area.
 pub const NARROWER: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
-/// Photons within the least radius that count; where there are more, the radius shrinks to these, down to
-/// [`FINEST`] of the least. It bounds the time of a look-up in a point focus.
+/// Largest number of photons within the least radius. If there are more, the radius shrinks until it holds this number,
+/// down to [`FINEST`] times the least radius. This limits the time of a look-up in a point focus.
 const MOST_UNRESOLVED: usize = 4096;
 const FINEST: f32 = 0.25;
 
-/// Distance of a photon in the surface, over the free height above the centre, within which nothing of it is asked: half of what the photon
-/// could lie higher and still count as in the surface.
+/// Distance of a photon in the surface, over the free height above the centre, up to which its visibility is not
+/// tested. It is half of the distance at which a photon at that height would still count as in the surface.
 const MOST_OVER_HEADROOM: f32 = 5.0;
 
-/// One, and more than distances differ by in whatever order they are summed up.
+/// One plus a margin for the rounding of distances, whatever the order of summation.
 const ROUNDED: f32 = 1.0001;
 
-/// Photons above or below the surface of the centre to which ways are sought, spread evenly over all of them: on rough ground there are
-/// dozens. Where all of these ways are free, so are the others; where one is not, each is asked.
+/// Number of photons above or below the surface of the centre that are tested for visibility first, spread evenly over
+/// all of them: on rough ground there are dozens. If all of these are visible, the others are assumed to be visible
+/// too; otherwise each one is tested.
 const MOST_ASKED: usize = 3;
 
-/// Radius below which distances are rounding noise: eight times the spacing of `f32` at `position`. Photons found
-/// within it have coordinates no larger than that plus itself.
+/// Radius below which distances are rounding noise: eight times the spacing of `f32` at `position`. Coordinates of
+/// photons within it are no larger than those of `position` plus this radius.
 pub(super) fn least_radius(position: Vec3) -> f32 {
     // 1e-18 keeps the square within the normal range at the origin.
     (8.0 * f32::EPSILON * position.abs().max_element()).max(1e-18)
 }
 
 impl PhotonMap {
-    /// Irradiance at the query's position, on the side of its normal: `sum w dPhi / (n pi r^2)` over the photons
-    /// found, divided by the count emitted, after eq. (3) and (5) of Jensen 1996 without the BRDF.
+    /// Irradiance at the query's position, on the side of its normal: `sum w dPhi / (n pi r^2)` over the photons found,
+    /// divided by the number emitted, after eq. (3) and (5) of Jensen 1996 without the BRDF.
     ///
-    /// A photon carries flux, which has the cosine of incidence in it already: the sum contains no cosine and
-    /// needs none. Its `pi` is that of the disc's area alone.
+    /// The flux of a photon already includes the cosine of incidence, so the sum contains no cosine. Its `pi` belongs
+    /// to the area of the disc.
     ///
-    /// The radius is the distance of the `k`-th photon. [`Estimator::Corrected`] does not count that photon
-    /// itself, and takes at least two; the expectation is then exact where photons lie uniformly (Garcia, Urena
-    /// & Sbert 2012), for every kernel. Where fewer than `k` lie within [`Query::max_radius`], that is the radius
-    /// and all count; with `k = usize::MAX` this is the estimate of fixed radius. Only where that is infinite as
-    /// well does the farthest photon of the map stand in for the `k`-th.
+    /// The radius is the distance of the `k`-th photon. [`Estimator::Corrected`] does not count that photon itself, and
+    /// takes at least two; the expectation is then exact where photons lie uniformly (Garcia, Urena & Sbert 2012), for
+    /// every kernel. Where fewer than `k` lie within [`Query::max_radius`], that is the radius and all photons count;
+    /// with `k = usize::MAX` this is the estimate of fixed radius. If `max_radius` is infinite as well, the farthest
+    /// photon of the map replaces the `k`-th.
     ///
-    /// The radius is no less than eight times the spacing of `f32` at the query: closer than that, places cannot be told
-    /// apart. Photons that coincide thus give a large and finite value, which over the disc of that radius amounts to
-    /// their flux; more than 4096 of them count as so many, in a disc of down to a quarter of that radius.
+    /// The radius is no less than eight times the spacing of `f32` at the query, because closer places cannot be told
+    /// apart. Photons at one place therefore give a large and finite value, which integrates to their flux over the
+    /// disc of that radius. More than 4096 of them count as 4096, in a disc of down to a quarter of that radius.
     ///
     /// With [`Query::differential_check`] the radius may be that of fewer photons. In uniform flux this shifts the mean
     /// by less than 1 % (measured for 50 to 200 photons).
@@ -88,13 +92,14 @@ impl PhotonMap {
 
     /// [`Self::estimate_irradiance`] over a visible kernel.
     ///
-    /// `sight` tells, for the radius that was found, which part of the disc can be seen from its centre; photons
-    /// elsewhere are left out and the kernel is normalised over the rest. The expectation stays exact: given the
-    /// radius that the `k`-th photon sets, wherever it lies, the others are spread like the flux.
+    /// `sight` finds, for the radius of the estimate, which part of the disc can be seen from its centre. Photons
+    /// elsewhere are left out, and the kernel is normalised over the visible part. The expectation stays exact: given
+    /// the radius that the `k`-th photon sets, wherever it lies, the others are distributed like the flux.
     ///
-    /// Photons above or below the surface that the centre lies in count where there is a free way to them, which is sought for a few
-    /// of them first. So do all photons where there is none to the nearest, where something is right above the centre, or next to nothing of the disc can be seen: so that a
-    /// place in a closed body gets nothing of the photons outside.
+    /// Photons above or below the surface of the centre count where there is a free way to them; a few of them are
+    /// tested first. All photons are tested in three cases: the nearest is hidden, something is right above the centre,
+    /// or only a negligible part of the disc can be seen. A place inside a closed body thus gets nothing from the
+    /// photons outside.
     pub fn estimate_irradiance_visible(
         &self,
         query: &Query,
@@ -108,8 +113,8 @@ impl PhotonMap {
     /// Radiance that the surface at the query's position reflects towards some `wo`: eq. (3) and (5) of Jensen 1996.
     ///
     /// `brdf` is `f_r(wo, wi)` in sr^-1 as a function of the unit direction `wi`, which points away from the surface;
-    /// it contains no cosine of incidence, since the flux of a photon has it already. For all else see
-    /// [`Self::estimate_irradiance`]; a constant `f_r` gives that times `f_r`.
+    /// it contains no cosine of incidence, which the flux of a photon already includes. Everything else is as for
+    /// [`Self::estimate_irradiance`]; a constant `f_r` gives that irradiance times `f_r`.
     pub fn estimate_radiance(
         &self,
         query: &Query,
@@ -151,7 +156,7 @@ impl PhotonMap {
             ..*query
         };
         let mut found = self.search(&query, scratch);
-        // The farthest sets the radius if it is the k-th, or if nothing else does.
+        // The farthest photon sets the radius if it is the k-th, or if there is no largest radius.
         let mut farthest_sets_radius = found.is_complete() || query.max_radius == f32::INFINITY;
         let mut radius =
             if farthest_sets_radius { found.farthest_squared().sqrt() } else { query.max_radius };
@@ -192,7 +197,7 @@ impl PhotonMap {
         }
         let density = |sum: DVec3, disc: &Disc| {
             let scale = self.per_emitted() / disc.weighted_area(params.kernel);
-            // Flux of 1e30 W at one point exceeds what f32 can hold.
+            // A flux of 1e30 W at one point exceeds the range of f32.
             (sum * scale).min(DVec3::splat(f64::from(f32::MAX))).as_vec3()
         };
         if query.faint > 0.0 && !query.narrower {
@@ -209,7 +214,7 @@ impl PhotonMap {
         }
         let seen = sight.feel(radius);
         let is_local = !matches!(seen, Seen::Little);
-        // Centres of precomputed points are photons, which need no way to themselves.
+        // Centres of precomputed points are photons, which need no visibility test to themselves.
         let is_here = |distance_squared: f32| distance_squared <= least_radius * least_radius;
         let sees = |sight: &mut _, index: usize| {
             let photon = self.photon(index);
@@ -218,7 +223,8 @@ impl PhotonMap {
         let is_doubtful = |index: usize, distance_squared: f32| {
             let offset = self.position(index) - query.position;
             match query.region {
-                // Then the distance in the list is larger than the true one, see `flattened`; normals need not be decoded.
+                // The distance in the list is then larger than the true one, see `flattened`; normals need not be
+                // decoded.
                 SearchRegion::Disc => distance_squared > ROUNDED * offset.length_squared(),
                 SearchRegion::Sphere => {
                     leaves_surface(distance_squared, offset, query.normal + self.normal(index))
@@ -227,14 +233,14 @@ impl PhotonMap {
         };
         let is_low = |index| (self.position(index) - query.position).dot(query.normal) < 0.0;
         let clear = if sight.feels() && !sight.is_covered() {
-            // Not so far that in a thin body what lies on its outer side seems to lie in the surface.
+            // Not so far that a photon on the outer side of a thin body seems to lie in the surface.
             let reach = seen.least_reach().min(radius);
             clear_distance(reach).min(MOST_OVER_HEADROOM * sight.outlook(reach))
         } else {
             0.0
         };
-        // Feelers lead to some; else the nearest is asked.
-        // Not those below: they may lie under the surface, as in a gap below the floor of a closed body.
+        // Feelers show a free way to some photons; otherwise the nearest photon is tested. Photons below the centre do
+        // not count: they may lie under the surface, as in a gap below the floor of a closed body.
         let height = |index| (self.position(index) - query.position).dot(query.normal);
         let is_beside =
             |(index, d)| d <= clear * clear && height(index) >= -least_radius && !is_doubtful(index, d);
@@ -244,7 +250,7 @@ impl PhotonMap {
             nearest.is_some_and(|(index, d)| !is_here(d) && !sees(&mut *sight, index))
         };
         let asks_each = is_hidden || !is_local || sight.is_covered();
-        // Where the centre faces nothing within the radius, nothing hides what lies higher.
+        // Where the centre faces nothing within the radius, nothing hides photons that lie higher.
         let is_open = sight.feels() && sight.outlook(radius) > radius;
         let wide = Disc { radius, domain: seen.part().copied() };
         let narrow = query.narrower.then(|| wide.narrowed());
@@ -301,7 +307,7 @@ impl PhotonMap {
     }
 }
 
-/// Contributions of photons, each times its weight, over the disc and the narrower one.
+/// Weighted contributions of photons, over the disc and the narrower disc.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     photons: u32,
@@ -317,21 +323,21 @@ impl Sums {
     }
 }
 
-/// What an estimate is made over.
+/// The disc of an estimate.
 struct Disc {
     radius: f32,
-    /// The part that can be seen from the centre, where that is not the whole.
+    /// The visible part of the disc, where it is not the whole disc.
     domain: Option<KernelDomain>,
 }
 
 impl Disc {
-    /// That of [`NARROWER`].
+    /// The disc of [`NARROWER`] times the radius.
     fn narrowed(&self) -> Self {
         let radius = NARROWER * self.radius;
         Self { radius, domain: self.domain.as_ref().map(|domain| domain.narrowed(radius)) }
     }
 
-    /// Whether what is `offset` from the centre can be seen from it.
+    /// Whether the point at `offset` from the centre can be seen from it.
     fn contains(&self, offset: impl FnOnce() -> Vec3) -> bool {
         self.domain.as_ref().is_none_or(|domain| domain.contains(offset()))
     }

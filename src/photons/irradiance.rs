@@ -1,3 +1,5 @@
+//! Irradiance precomputed at photons of a map, for gather rays to look up.
+
 use super::domain::{KernelDomain, Seen, Sight};
 use super::estimate::EstimateParams;
 use super::kd_tree::{Block, KdTree, Point, Visitor};
@@ -12,96 +14,101 @@ use arrayvec::ArrayVec;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Points in a leaf: few, since a search wants one.
+/// Points in a leaf: few, since a search looks for one point only.
 const LEAF: usize = 8;
 
-/// A point answers for places no farther than its neighbour of this number: where points are spread evenly, for all but
-/// `exp(-32)` of those that have no nearer point, and in a corner of three surfaces for all but `exp(-10)`.
+/// Rank of the neighbour whose distance is the validity radius of a point. Where points are spread evenly, a share of
+/// `exp(-32)` of the places whose nearest point this is lie outside the validity radius; in a corner of three surfaces,
+/// a share of `exp(-10)`.
 const NEIGHBOURS: usize = 32;
 
-/// Share of that distance, that of about the third neighbour, within which a point answers for places that something stands nearer than,
-/// and everywhere if its neighbours lie far apart. Where photons are few, the ground in front of a house else answers for the floor
-/// inside, through the window, and a patch of sun for the floor around it.
+/// Factor on the validity radius for places that are farther from the point than the nearest obstacle its feeler rays
+/// found, and for all places if the neighbours of the point lie far apart. The result is about the distance to the
+/// third neighbour. Without this factor, where photons are few, a point on the ground in front of a house would be used
+/// for the floor inside, through the window, and a point in a patch of sun for the floor around it.
 const SHARE_OF_REACH: f32 = 0.3;
 
-/// Share of the distance to what a point faces beyond which its neighbours lie too far apart to show where direct light ends: over
-/// such lengths shadows change, and the place asks the lights itself.
+/// Largest distance to neighbour [`NEIGHBOURS`], as a share of the distance to the surface that the point faces.
+/// Shadows change over such lengths. If the neighbours lie farther apart, the points do not show where direct light
+/// ends, and the place samples the lights itself.
 const LARGEST_SHARE_OF_OUTLOOK: f32 = 0.25;
 
-/// Distance, over the radius of an estimate, beyond which it does not matter what the place faces: its neighbours lie no farther apart
-/// than [`LARGEST_SHARE_OF_OUTLOOK`] of that, but for rare ones.
+/// Length of the outlook ray in radii of the estimate. What the place faces beyond this length does not matter: except
+/// in rare cases, the neighbours lie no farther apart than [`LARGEST_SHARE_OF_OUTLOOK`] of it.
 const LARGEST_OUTLOOK: f32 = 32.0;
 
-/// Share of the photons around a point from which on those of direct light are so many more than the others that where the light
-/// ends, as at the edge of a patch of sun, points within answer for much that is without, where there are few: a place then asks
-/// the lights itself.
+/// Largest share of direct photons among the neighbours of a point, as numerator and denominator, for which the point
+/// keeps direct light. Above this share the points inside a lit area, such as a patch of sun, far outnumber those
+/// outside and would be used for many places beyond its edge. The place then samples the lights itself.
 const LARGEST_SHARE_OF_DIRECT: (usize, usize) = (3, 4);
 
-/// Leaves that a search for an answer looks at before it is given up: what is near the place is then not of its surface.
+/// Leaves that a search visits before it gives up: the points near the place are then not on its surface.
 const MOST_LEAVES: u32 = 64;
 
-/// Points that are asked for one place, nearest first, whether there is a free way to them.
+/// Points tested for visibility from one place, nearest first.
 const MOST_ASKED: usize = 3;
 
-/// Share of the radius of its estimate within which a point answers for places where something is between ([`IrradianceMap::near`]): less
-/// than the estimate itself blurs, and what small things with gaps between them, as beads, need.
+/// Least validity radius of a point of [`IrradianceMap::near`] next to an obstacle, as a share of the radius of its
+/// estimate. It is less than the blur of the estimate itself, and small objects with gaps between them, such as beads,
+/// need it.
 const LEAST_SEEN: f32 = 0.2;
 
-/// Irradiance at some photons of a map, ready to be read by final gather rays (Christensen, "Faster Photon Map Global
+/// Irradiance at some photons of a map, for final gather rays to look up (Christensen, "Faster Photon Map Global
 /// Illumination", Journal of Graphics Tools 4(3), 1999).
 ///
-/// The points have a tree of their own. 27 bytes a point.
+/// The points have a tree of their own. A point takes 27 bytes.
 #[derive(Clone, Debug)]
 pub struct IrradianceMap {
     tree: KdTree<LEAF>,
     values: Vec<Value>,
 }
 
-/// What is known at a point.
+/// Values stored at a point.
 #[derive(Clone, Copy, Debug)]
 struct Value {
     irradiance: Rgbe,
-    /// How far one can go from the point in every direction before something stands in the way, as far as feelers told; infinite
-    /// in the open, and for [`IrradianceMap::near`] a share of the radius of its estimate. Zero where the point answers for no
-    /// place. With its sign set where light straight from the lights is left out of the irradiance.
+    /// Distance to the nearest obstacle that the feeler rays of the point found; infinite in the open. For
+    /// [`IrradianceMap::near`] it is limited to a share of the radius of the estimate. Zero where the point is valid
+    /// for no place. The sign is negative where the irradiance lacks direct light.
     felt: f32,
-    /// Distance of the neighbour that ends what the point answers for ([`NEIGHBOURS`], [`SHARE_OF_REACH`]). With its sign set where
-    /// neighbours lie too far apart ([`LARGEST_SHARE_OF_OUTLOOK`]).
+    /// Validity radius: the distance to neighbour [`NEIGHBOURS`]. If the neighbours lie too far apart
+    /// ([`LARGEST_SHARE_OF_OUTLOOK`]), it is multiplied by [`SHARE_OF_REACH`] and its sign is negative.
     reach: f32,
 }
 
-/// What a point answers.
+/// Result of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointIrradiance {
     /// Irradiance in W m^-2, cosine included.
     pub irradiance: Rgb,
-    /// Whether light straight from the lights is to be added to that, as it is at the place itself.
+    /// Whether the irradiance lacks direct light, which the caller then adds for the place itself.
     pub lacks_direct: bool,
 }
 
 /// Bytes of a point in a file: position, irradiance, reach, normal, little-endian.
 pub(super) const IRRADIANCE_RECORD: usize = 22;
 
-/// Bit beside the code of the normal in a file: the point's neighbours lie too far apart ([`LARGEST_SHARE_OF_OUTLOOK`]).
+/// Bit next to the code of the normal in a file: the neighbours of the point lie too far apart
+/// ([`LARGEST_SHARE_OF_OUTLOOK`]).
 const SPARSE: u16 = 1 << 15;
 
-/// A place and its irradiance, before there is a tree.
+/// A point before the tree is built.
 #[derive(Clone, Copy)]
 pub(super) struct IrradiancePoint {
     position: Vec3,
     irradiance: Rgbe,
     reach: f32,
-    /// Code of the normal, in the bits where a photon's flags have it.
+    /// Code of the normal, in the same bits as in a photon's flags.
     normal: u16,
-    /// The irradiance without light straight from the lights, where that is known.
+    /// The irradiance without direct light, where it is known.
     reflected: Option<Rgbe>,
-    /// Whether the photon there is one of direct light.
+    /// Whether the photon at this point is a direct photon.
     is_direct: bool,
-    /// Distance of what the point faces.
+    /// Distance to the surface that the point faces.
     outlook: f32,
-    /// Whether its estimate rests on fewer than half of the photons that were asked for.
+    /// Whether its estimate uses fewer than half of the photons that were asked for.
     is_poor: bool,
-    /// Whether its neighbours are known to lie too far apart, as for a point of a file.
+    /// Whether a file already states that its neighbours lie too far apart.
     is_sparse: bool,
 }
 
@@ -122,13 +129,13 @@ impl Point for IrradiancePoint {
 impl PhotonMap {
     /// Estimates the irradiance at every `stride`-th photon, on the side that the photon arrived at.
     ///
-    /// `template` says how to search; its position and normal are replaced by the photons'. The photon itself takes part
-    /// in the estimate, and has to: a place whose *nearest* point is at distance `d` has no other point within `d`,
-    /// and the photons that are missing for that reason number one on average. Without it the constant kernel
-    /// would be low by `1 / k`.
+    /// `template` holds the search parameters; its position and normal are replaced by those of the photons. The photon
+    /// itself takes part in the estimate, and it must: a place whose *nearest* point is at distance `d` has no other
+    /// point within `d`, and on average one photon is missing for that reason. Without the photon itself the constant
+    /// kernel would be low by `1 / k`.
     ///
-    /// Values are rounded to [`Rgbe`] at random, free of bias, with 0.25 % RMS error (measured), as much as the
-    /// noise of an estimate from 160 000 photons. Deterministic for any number of threads.
+    /// Values are rounded to [`Rgbe`] at random, without bias, with an RMS error of 0.25 % (measured), which equals the
+    /// noise of an estimate from 160 000 photons. The result is the same for any number of threads.
     pub fn precompute_irradiance(
         &self,
         template: &Query,
@@ -139,13 +146,14 @@ impl PhotonMap {
         self.precompute_parts(template, params, (stride, f32::INFINITY), (sight, None), &|| false)
     }
 
-    /// [`Self::precompute_irradiance`] over visible kernels: `sight` tells what can be seen from a place with a normal. Where `direct`
-    /// is given, it is of light that was reflected before, and where that tells the irradiance straight from the lights (number of
-    /// the point, position, normal), with that in place of the photons of that light. Where it tells none, photons tell. `None` once
-    /// `stop` says so, which then must go on saying so.
+    /// [`Self::precompute_irradiance`] over visible kernels: `sight` finds what can be seen from a place with a normal.
+    /// If `direct` is given, it returns the direct irradiance for a point (number of the point, position, normal). The
+    /// result is then the sum of this value and an estimate from reflected light alone. Where `direct` returns `None`,
+    /// the estimate uses all photons. The whole result is `None` once `stop` returns true, after which it must keep
+    /// returning true.
     ///
-    /// A point at a photon of direct light then takes no part in its own estimate, and a place's missing photons are
-    /// fewer by as much: without bias as well.
+    /// A point at a direct photon then takes no part in its own estimate, and correspondingly fewer photons are missing
+    /// at a place, so this is without bias as well.
     pub fn precompute_irradiance_until<S: Sight>(
         &self,
         template: &Query,
@@ -160,8 +168,8 @@ impl PhotonMap {
         (!stop()).then_some(map)
     }
 
-    /// Irradiance over visible kernels, for places no farther from a point than this `share` of the radius of its
-    /// estimate ([`IrradianceMap::near`]). `None` once `stop` says so, which then must go on saying so.
+    /// Irradiance over visible kernels with a validity radius of at most this `share` of the radius of the estimate
+    /// ([`IrradianceMap::near`]). `None` once `stop` returns true, after which it must keep returning true.
     pub fn precompute_irradiance_near<S: Sight>(
         &self,
         template: &Query,
@@ -182,7 +190,7 @@ impl PhotonMap {
         (sight, direct): (impl Fn(Vec3, Vec3) -> S + Sync, Option<&DirectLight<'_>>),
         stop: &(dyn Fn() -> bool + Sync),
     ) -> IrradianceMap {
-        // A tree of their own: among the others a search would wade through all that are nearer than the few it wants.
+        // A separate tree: in the full tree a search would visit all the nearer photons of other classes.
         let reflected = direct.map(|_| {
             let indirect = PhotonClasses::only(PhotonClass::Indirect);
             self.only(indirect.and(PhotonClasses::only(PhotonClass::Caustic)))
@@ -243,10 +251,10 @@ impl PhotonMap {
     }
 }
 
-/// Irradiance straight from the lights, by number of the point, position and normal.
+/// Direct irradiance, by number of the point, position and normal.
 pub type DirectLight<'a> = dyn Fn(u64, Vec3, Vec3) -> Option<Rgb> + Sync + 'a;
 
-/// Takes note of how far was felt.
+/// A [`Sight`] that records the distance to the nearest obstacle its feelers found.
 struct Noting<S> {
     sight: S,
     reach: f32,
@@ -277,7 +285,7 @@ impl<S: Sight> Sight for Noting<S> {
 }
 
 impl IrradianceMap {
-    /// The map of these points, in whatever order.
+    /// The map of these points, which may come in any order.
     pub(super) fn of_points(mut points: Vec<IrradiancePoint>) -> Self {
         let tree = KdTree::build(&mut points);
         let values = points
@@ -286,8 +294,8 @@ impl IrradianceMap {
             .map_init(Vec::new, |keys, point| {
                 let reach = spacing(&tree, point.position, keys);
                 let is_sparse = point.is_sparse || reach > LARGEST_SHARE_OF_OUTLOOK * point.outlook;
-                // An estimate that blurs a whole room is no estimate of this place; and places that are answered where photons happen to
-                // lie, and sampled elsewhere, are too bright in the mean.
+                // An estimate that blurs a whole room does not describe this place. To use points where photons happen
+                // to lie, and sample elsewhere, would make the mean too bright.
                 let felt = if is_sparse && point.is_poor { 0.0 } else { point.reach };
                 let reach = if is_sparse { -SHARE_OF_REACH * reach } else { reach };
                 match point.reflected {
@@ -352,9 +360,9 @@ impl IrradianceMap {
         self.tree.memory_bytes() + self.values.capacity() * size_of::<Value>()
     }
 
-    /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit vector
-    /// `normal` ([`MIN_NORMAL_COS`]), within `max_radius`; `None` where that is farther than it answers for, or `connects` knows no
-    /// free way to it (position, normal).
+    /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit
+    /// vector `normal` ([`MIN_NORMAL_COS`]), within `max_radius`. `None` where the place is outside its validity
+    /// radius, or where `connects` finds no free way to the point (position, normal).
     pub fn near(
         &self,
         position: Vec3,
@@ -374,14 +382,15 @@ impl IrradianceMap {
         (reaches && self.connects(index, connects)).then(|| irradiance.decode())
     }
 
-    /// Irradiance in W m^-2, cosine included, at the point nearest to `position` whose normal agrees with the unit
-    /// vector `normal` ([`MIN_NORMAL_COS`]) and which answers for that place; `None` where there is none within `max_radius`.
+    /// Irradiance in W m^-2, cosine included, at the nearest point whose normal agrees with the unit vector `normal`
+    /// ([`MIN_NORMAL_COS`]) and which is valid for `position`; `None` where there is none within `max_radius`.
     ///
-    /// A point answers for places of its own surface no farther than its neighbours lie (those above or below it count as
-    /// farther, as in [`super::SearchRegion::Disc`]) to which `connects` knows a free way (position and normal of the point).
-    /// Where some of those points felt nothing between them and the place, the nearest of these: a point at the foot of a wall
-    /// does not answer for what lies behind the wall. Where none did, only points answer that are as near as their third neighbour, and
-    /// where the nearest is one that knows nothing of its places, none does.
+    /// A point is valid for places on its own surface within its validity radius, if `connects` finds a free way to the
+    /// point (position, normal). Points above or below the surface count as farther away, as in
+    /// [`super::SearchRegion::Disc`]. Among the valid points, those whose feelers met no obstacle up to the distance of
+    /// the place come first, and the nearest of them is used: a point at the foot of a wall is not valid behind the
+    /// wall. If there is none, the validity radius shrinks to about the distance of the third neighbour
+    /// ([`SHARE_OF_REACH`]). If the nearest point is valid for no place, the result is `None`.
     pub fn nearest(
         &self,
         (position, normal): (Vec3, Vec3),
@@ -403,7 +412,7 @@ impl IrradianceMap {
             self.tree.search(position, &mut answering);
             let index = index_of(answering.best()?);
             let Value { irradiance, felt, .. } = self.values[index];
-            // Where photons are too few near the place, more of them farther off do not tell what arrives here.
+            // Where photons near the place are too few, photons farther away do not describe the light here.
             if felt == 0.0 {
                 return None;
             }
@@ -423,7 +432,7 @@ impl IrradianceMap {
     }
 }
 
-/// Finds the nearest point among those that face along a normal: leaves without such points are passed over.
+/// Finds the nearest point that faces along a normal; leaves without such points are skipped.
 struct Facing<'a, F> {
     acceptance: &'a Acceptance,
     nearest: NearestOne<F>,
@@ -446,13 +455,13 @@ impl<F: Fn(usize, u16, f32, Vec3) -> Option<f32>> Visitor<LEAF> for Facing<'_, F
     }
 }
 
-/// Finds the nearest point that answers for a place.
+/// Finds the nearest point that is valid for a place.
 struct Answering<'a> {
     map: &'a IrradianceMap,
     refused: &'a [usize],
     place: (Vec3, Vec3),
     acceptance: Acceptance,
-    /// Key of the nearest point that felt nothing up to the place.
+    /// Key of the nearest point whose feelers met no obstacle up to the place.
     open: u64,
     /// Key of the nearest point.
     any: u64,
@@ -493,7 +502,7 @@ impl Visitor<LEAF> for Answering<'_> {
             let Value { felt, reach, .. } = self.map.values[index];
             let v = block.position(lane) - self.place.0;
             let is_open = distance_squared <= felt * felt;
-            // Points without an answer stand for their places as well, which have none.
+            // Points without a valid estimate take part: a place nearest to one of them has no value.
             let reach = if is_open || felt == 0.0 || reach < 0.0 { reach } else { SHARE_OF_REACH * reach };
             if !(flattened(distance_squared, v, normals) <= reach * reach) {
                 continue;
@@ -511,8 +520,8 @@ impl Visitor<LEAF> for Answering<'_> {
     }
 }
 
-/// Whether so many of the neighbours with these keys on the surface of a point are photons of direct light that it leaves that
-/// light to the places it answers for ([`LARGEST_SHARE_OF_DIRECT`]).
+/// Whether so many of the neighbours with these keys, on the surface of a point, are direct photons that the point
+/// leaves direct light to the place that looks it up ([`LARGEST_SHARE_OF_DIRECT`]).
 fn is_mostly_direct(points: &[IrradiancePoint], point: &IrradiancePoint, keys: &[u64]) -> bool {
     let normal = decode_normal(point.normal);
     let (mut all, mut direct) = (0, 0);
@@ -529,8 +538,8 @@ fn is_mostly_direct(points: &[IrradiancePoint], point: &IrradiancePoint, keys: &
     of * direct > share * all
 }
 
-/// Distance of the neighbour of a point that has the number [`NEIGHBOURS`]; zero where there are fewer, which tell nothing of how
-/// close they lie. Leaves the keys of the neighbours and of the point itself.
+/// Distance to neighbour [`NEIGHBOURS`] of a point. Zero where there are fewer neighbours, which do not show how close
+/// they lie. Leaves the keys of the neighbours and of the point itself in `keys`.
 fn spacing(tree: &KdTree<LEAF>, position: Vec3, keys: &mut Vec<u64>) -> f32 {
     keys.clear();
     let mut visitor = Farthest { keys, bound: f32::INFINITY };
@@ -539,7 +548,7 @@ fn spacing(tree: &KdTree<LEAF>, position: Vec3, keys: &mut Vec<u64>) -> f32 {
     if visitor.bound.is_finite() { visitor.bound.sqrt() } else { 0.0 }
 }
 
-/// Keeps the nearest: as many neighbours as are wanted, and the point itself.
+/// Keeps the [`NEIGHBOURS`] nearest neighbours and the point itself.
 struct Farthest<'a> {
     keys: &'a mut Vec<u64>,
     bound: f32,
@@ -616,7 +625,8 @@ mod tests {
 
     #[test]
     fn direct_light_in_place_of_its_photons_has_no_bias() {
-        // Half of the photons are of direct light, which is told: irradiance of each half is 0.25 in green.
+        // Half of the photons are of direct light, and direct light is given: the irradiance of each half is 0.25 in
+        // green.
         let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
         let (mut sum, mut count) = (0.0, 0);
         for seed in 0..40 {
@@ -627,7 +637,7 @@ mod tests {
                 Photon::new(photon.position, photon.power(), Vec3::Y, Vec3::Y, class, 0.0)
             });
             let map = PhotonMap::build(photons.collect(), 20_000);
-            // Nothing is told of one corner, where photons of both kinds serve.
+            // Direct light is not given in one corner, where photons of both classes are used.
             let direct = |_, at: Vec3, _| (at.x + at.z > 0.8).then_some(Rgb::splat(0.25));
             let sight = |_, _| |_| None;
             let irradiance = map
@@ -659,7 +669,7 @@ mod tests {
         let points = map
             .precompute_irradiance_near(&template(50), &params, (4, share), |_, _| |_| None, &|| false)
             .unwrap();
-        // Estimates reach 0.028, so that points answer within 0.011.
+        // The radius of an estimate is 0.028, so the validity radius is 0.011.
         let places: Vec<Vec3> = (0..5000)
             .map(|i| {
                 let u = Rng::new(9, Stream::Measure, i).next_2d() * 0.7 + 0.15;
@@ -719,7 +729,7 @@ mod tests {
         assert!(nearest(on, Vec3::Y, 1e-6).is_none());
         assert!(nearest(on, Vec3::Y, -1.0).is_none());
         assert!(nearest(Vec3::NAN, Vec3::Y, 1.0).is_none());
-        // Neighbours number 32 within 0.1; what is off the surface counts as four times as far.
+        // Neighbours number 32 within 0.1; points off the surface count as four times as far.
         assert!(nearest(Vec3::new(0.5, 0.0, -0.08), Vec3::Y, 1.0).is_some(), "beside");
         assert!(nearest(Vec3::new(0.5, 0.0, -0.3), Vec3::Y, 1.0).is_none(), "far beside");
         assert!(nearest(Vec3::new(0.5, 0.06, 0.5), Vec3::Y, 1.0).is_none(), "above");
@@ -743,7 +753,7 @@ mod tests {
         for _ in 0..1000 {
             let at = Vec3::new(rng.next_f32(), 0.0, rng.next_f32());
             let same_side = |point: Vec3, _: Vec3| (point.x < 0.5) == (at.x < 0.5);
-            // Next to the wall the nearest may all be on the other side.
+            // Next to the wall the nearest points may all be on the other side.
             let near_wall = (at.x - 0.5).abs() < 0.05;
             assert!(near_wall || irradiance.nearest((at, Vec3::Y), 1.0, same_side).is_some(), "{at}");
             assert!(irradiance.nearest((at, Vec3::Y), 1.0, |_, _| false).is_none());
@@ -752,7 +762,7 @@ mod tests {
 
     #[test]
     fn places_among_points_of_other_surfaces_are_given_up_quickly() {
-        // A far point that would answer must not be waded to through all that do not.
+        // The search must not visit all invalid points on its way to a valid one far away.
         let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
         let irradiance = square(50_000, 0).precompute_irradiance(&template(50), &params, 1);
         for height in [0.02, 0.1, 0.5] {
@@ -762,7 +772,7 @@ mod tests {
 
     #[test]
     fn photons_of_direct_light_are_not_searched_where_it_is_known() {
-        // Direct photons alone: an estimate of reflected light among them would look at each.
+        // Direct photons alone: an estimate of reflected light among them would visit each.
         let photons = square(20_000, 1);
         let direct: Vec<Photon> = photons
             .photons()
@@ -785,7 +795,7 @@ mod tests {
 
     #[test]
     fn a_point_next_to_something_answers_for_places_close_by_alone() {
-        // Of a lattice of spacing 1 the last point, whose neighbour number 32 is some 4.5 away.
+        // The last point of a lattice of spacing 1, whose neighbour number 32 is about 4.5 away.
         let at = |reach: f32, is_sparse: bool| {
             let point = |i: u16| IrradiancePoint {
                 position: Vec3::new(f32::from(i % 10), 0.0, f32::from(i / 10)),
@@ -808,9 +818,9 @@ mod tests {
         for limited in [&walled, &sparse] {
             assert!(answers(limited, 1.0) && !answers(limited, 3.0));
         }
-        // Points that answer for nothing are not passed over for others farther away.
+        // Points that are valid for no place are not skipped in favour of others farther away.
         assert!(!answers(&at(0.0, false), 0.1));
-        // What is known of the neighbours survives a file.
+        // The sparse flag survives a file.
         let read = (0..sparse.len())
             .map(|i| IrradianceMap::point(sparse.record(i)).unwrap_or_else(|| panic!("{i}")));
         assert!(!answers(&IrradianceMap::of_points(read.collect()), 3.0));
