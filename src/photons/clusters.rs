@@ -1,7 +1,9 @@
+//! Clusters of targets, so that a light aims at a limited number of spheres.
+
 use crate::scene::Target;
 use glam::Vec3;
 
-/// At most `most` spheres that hold all of `targets`: those that lie close to each other are put into one. Each is as
+/// At most `most` spheres that enclose all of `targets`: targets close to each other are combined. Each sphere is as
 /// dense as the densest of its parts.
 pub(super) fn clustered(targets: &[Target], most: usize) -> Vec<Target> {
     let mut result = Vec::with_capacity(targets.len().min(most));

@@ -1,4 +1,4 @@
-//! Weights of photons by their distance. The kernel is a setting.
+//! Kernels: weights of photons by their distance. The kernel is a setting.
 
 use crate::settings::Kernel;
 

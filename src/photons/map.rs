@@ -1,3 +1,5 @@
+//! The photon map: photons searchable by position, the queries and the search.
+
 use super::SearchRegion;
 use super::kd_tree::{Block, KdTree, Point, Visitor};
 use super::photon::{Acceptance, Payload, Photon, PhotonClass, PhotonClasses};
@@ -8,28 +10,29 @@ use rayon::prelude::*;
 /// Points in a leaf. With 16 instead, a tree takes longer to build and to search for 80 photons.
 pub(super) const LEAF: usize = 32;
 
-/// How many times the neighbourhood of [`SearchRegion::Disc`] is wider than high.
+/// Ratio of width to height of the neighbourhood of [`SearchRegion::Disc`].
 ///
-/// It keeps photons of a parallel surface out of an estimate whose radius is below four times the distance.
+/// It keeps photons of a parallel surface out of an estimate whose radius is less than four times the distance to that
+/// surface.
 pub const DISC_FLATNESS: f32 = 4.0;
 
-/// Sine of the angle, 5.7 degrees, up to which a photon counts as lying in the surface of the query: the rounding of
-/// stored normals ([`super::NORMAL_ERROR`], of which half goes into the mean of two) and the facets of a mesh that
-/// stands for something round tilt it so far.
+/// Sine of the angle, 5.7 degrees, up to which a photon counts as in the surface of the query. Two errors tilt a photon
+/// this far: the rounding of stored normals ([`super::NORMAL_ERROR`], of which half enters the mean of two), and the
+/// facets of a mesh that approximates a round shape.
 const IN_SURFACE: f32 = 0.1;
 
 /// Squared distance by which [`SearchRegion::Disc`] orders photons.
 ///
 /// `v` leads from the query to the photon, `normals` is the sum of both unit normals, and `distance_squared` is
-/// `|v|^2`. Any chord of a circle is at a right angle to the sum of the normals at its ends, so on surfaces of even
-/// curvature the height `h = v . normals / |normals|` is zero, as it is in a plane; on a parallel surface it is the
-/// distance. The result is `|v|^2` for what is in the surface, so that the area searched is that of the sphere, which
-/// is `pi r^2` on planes and on spheres (a cap of chord `r`) and larger by `r^2 / 32 R^2` on cylinders.
+/// `|v|^2`. Any chord of a circle is at a right angle to the sum of the normals at its ends. The height `h = v .
+/// normals / |normals|` is therefore zero on planes and on surfaces of even curvature; on a parallel surface it is the
+/// distance. For photons in the surface the result is `|v|^2`, so that the area searched is that of the sphere: `pi
+/// r^2` on planes and on spheres (a cap of chord `r`), and larger by `r^2 / 32 R^2` on cylinders.
 #[inline]
 pub(super) fn flattened(distance_squared: f32, v: Vec3, normals: Vec3) -> f32 {
     let (along, scale) = (v.dot(normals), normals.length_squared());
     let allowed = IN_SURFACE * IN_SURFACE * distance_squared;
-    // Nearly always, and without a division.
+    // The most frequent case, without a division.
     if along * along <= allowed * scale {
         return distance_squared;
     }
@@ -37,47 +40,47 @@ pub(super) fn flattened(distance_squared: f32, v: Vec3, normals: Vec3) -> f32 {
     distance_squared + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * outside
 }
 
-/// Whether a photon, which `v` leads to, lies outside of the surface of the query rather than in it, curved or plane: what
-/// [`flattened`] orders later than its distance.
+/// Whether the photon at `v` from the query lies outside its surface, curved or plane, so that [`flattened`] gives it
+/// more than its distance.
 #[inline]
 pub(super) fn leaves_surface(distance_squared: f32, v: Vec3, normals: Vec3) -> bool {
     let along = v.dot(normals);
     along * along > IN_SURFACE * IN_SURFACE * distance_squared * normals.length_squared()
 }
 
-/// Least cosine between the normals of a photon and of the place that is looked up: 45 degrees, as for the brick maps
-/// of Christensen & Batali 2004, and four more for the rounding of a stored normal ([`super::NORMAL_ERROR`]),
-/// so that rounding never rejects a photon that agrees within 45 degrees.
+/// Least cosine between the normals of a photon and of the query: 45 degrees, as for the brick maps of Christensen &
+/// Batali 2004, and four more for the rounding of a stored normal ([`super::NORMAL_ERROR`]), so that rounding never
+/// rejects a photon that agrees within 45 degrees.
 pub const MIN_NORMAL_COS: f32 = 0.656;
 
-/// Which photons are wanted.
+/// Parameters of a search for photons.
 #[derive(Clone, Copy, Debug)]
 pub struct Query {
     /// Centre of the search, render space.
     pub position: Vec3,
-    /// Unit geometric normal on the side that is looked at. Photons that arrived on the other side, or at a surface
+    /// Unit geometric normal on the side that is looked up. Photons that arrived on the other side, or at a surface
     /// that faces elsewhere ([`Self::min_normal_cos`]), are rejected and do not count towards [`Self::k`].
     pub normal: Vec3,
-    /// Photons farther than this are not found; may be infinite.
+    /// Maximum search radius; may be infinite.
     pub max_radius: f32,
-    /// How many of the nearest photons are wanted; `usize::MAX` for all within the radius.
+    /// Number of nearest photons to find; `usize::MAX` for all within the radius.
     pub k: usize,
-    /// Shape of the neighbourhood, by which distances are measured.
+    /// Shape of the neighbourhood, which defines the distance measure.
     pub region: SearchRegion,
     /// Least cosine between [`Self::normal`] and the normal stored with a photon.
     pub min_normal_cos: f32,
-    /// Classes of photons that are wanted.
+    /// Classes of photons to find.
     pub classes: PhotonClasses,
-    /// Whether estimates take fewer photons than [`Self::k`] where more of them change the value in one direction only:
-    /// the differential checking of Jensen & Christensen 1995, section 3.3. Searches do not look at it.
+    /// Whether estimates use fewer photons than [`Self::k`] where further photons change the value in one direction
+    /// only: the differential checking of Jensen & Christensen 1995, section 3.3. Searches ignore it.
     pub differential_check: bool,
-    /// Estimates use this share of the radius that would be theirs, and the photons within it; in (0, 1]. Searches do not
-    /// look at it.
+    /// Factor on the radius of estimates, in (0, 1]; only the photons within the smaller radius count. Searches ignore
+    /// it.
     pub radius_share: f32,
-    /// Estimates no larger than this in any channel over the whole disc are made over the whole disc, whatever can be seen
-    /// from its centre. Searches do not look at it.
+    /// Threshold for faint estimates: an estimate over the whole disc that is no larger than this in any channel is
+    /// used as it is, without visibility tests. Searches ignore it.
     pub faint: f32,
-    /// Whether estimates are made over a narrower disc as well ([`super::NARROWER`]). Searches do not look at it.
+    /// Whether estimates are also made over a narrower disc ([`super::NARROWER`]). Searches ignore it.
     pub narrower: bool,
 }
 
@@ -110,7 +113,7 @@ impl Query {
     }
 }
 
-/// Memory that searches use again and again; one for each thread.
+/// Buffers that searches reuse; one for each thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     /// Squared distance in the high half, index in the low one: integers in the order of distance.
@@ -119,13 +122,14 @@ pub struct Scratch {
 }
 
 impl Scratch {
-    /// Count of photons that all searches so far have looked at: the cost of look-ups, apart from the machine's speed.
+    /// Number of photons that all searches so far have visited: the cost of look-ups, independent of the machine's
+    /// speed.
     pub fn visited(&self) -> u64 {
         self.visited
     }
 }
 
-/// What a search found.
+/// Result of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Neighbours<'a> {
     keys: &'a [u64],
@@ -148,8 +152,8 @@ impl<'a> Neighbours<'a> {
         self.complete
     }
 
-    /// Index of each photon in the map and its squared distance, in an order that only the map and the query decide.
-    /// The farthest is last.
+    /// Index of each photon in the map and its squared distance. The order depends on the map and the query only. The
+    /// farthest photon is last.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (usize, f32)> + 'a {
         self.keys.iter().map(|&key| (index_of(key), distance_squared_of(key)))
     }
@@ -177,8 +181,8 @@ pub(super) fn distance_squared_of(key: u64) -> f32 {
 
 /// Photons where they landed, searchable by position (Jensen 1996, section 3).
 ///
-/// Immutable, and free of geometry: a position, a normal and a radius are all it asks for. It is a function of the *set*
-/// of its photons: the order in which they come, and the threads that build it, change no bit.
+/// The map is immutable and contains no geometry: a query needs a position, a normal and a radius. It is a function of
+/// the *set* of its photons: neither their order nor the number of threads that build it changes a bit.
 #[derive(Clone, Debug)]
 pub struct PhotonMap {
     tree: KdTree<LEAF>,
@@ -207,7 +211,7 @@ impl Point for Photon {
 }
 
 impl PhotonMap {
-    /// A map of `photons`, which `emitted` photons sent out from the lights have left.
+    /// A map of `photons`, the result of a pass in which the lights emitted `emitted` photons.
     ///
     /// Photons without a finite position are left out and counted in [`Self::dropped`].
     ///
@@ -217,7 +221,7 @@ impl PhotonMap {
         Self::build_parts(photons, emitted, &|| false)
     }
 
-    /// [`Self::build`]; `None` once `stop` says so, which then must go on saying so.
+    /// [`Self::build`]; `None` once `stop` returns true, after which it must keep returning true.
     pub fn build_until(photons: Vec<Photon>, emitted: u64, stop: &(dyn Fn() -> bool + Sync)) -> Option<Self> {
         let map = Self::build_parts(photons, emitted, stop);
         (!stop()).then_some(map)
@@ -236,19 +240,20 @@ impl PhotonMap {
         Self { tree, payloads, bounds, emitted, dropped }
     }
 
-    /// The map of the photons of these classes, as estimates of theirs alone find faster in it.
+    /// The map of the photons of these classes alone, which estimates of these classes search faster.
     ///
-    /// Estimates that ask for these classes alone are the same here but for the order of their sums.
+    /// Estimates of these classes are the same as in the full map except for the order of summation.
     #[must_use]
     pub fn only(&self, classes: PhotonClasses) -> Self {
         let photons = self.photons().filter(|photon| classes.contains(photon.class())).collect();
         Self::build(photons, self.emitted)
     }
 
-    /// The map of the photons of all `maps`, whose passes emitted the sum of their counts.
+    /// The map of the photons of all `maps`; its number of emitted photons is the sum of theirs.
     ///
-    /// The maps must come from passes over the same lights that differ in their random numbers only: each is then
-    /// an estimate of the same flux, and so is the whole. Equal, bit by bit, to a map built of all photons at once.
+    /// The maps must come from passes over the same lights that differ in their random numbers only. Each is then an
+    /// estimate of the same flux, and so is the whole. The result equals, bit by bit, a map built of all photons at
+    /// once.
     pub fn merge<'a>(maps: impl IntoIterator<Item = &'a Self>) -> Self {
         let (mut photons, mut emitted, mut dropped) = (Vec::new(), 0u64, 0u64);
         for map in maps {
@@ -269,7 +274,7 @@ impl PhotonMap {
         self.len() == 0
     }
 
-    /// Count of photons that the lights emitted, by which estimates divide. With zero all estimates are zero.
+    /// Number of photons that the lights emitted, by which estimates divide. With zero all estimates are zero.
     pub fn emitted(&self) -> u64 {
         self.emitted
     }
@@ -333,10 +338,10 @@ impl PhotonMap {
         self.payloads[index].power()
     }
 
-    /// The photons that `query` asks for. Allocates only while `scratch` has not yet seen a search of this size.
+    /// The photons that match `query`. Allocates only while `scratch` has not yet seen a search of this size.
     ///
-    /// Exact: the result equals that of comparing all photons by squared distance as `f32` computes it, ties going
-    /// to the lower index.
+    /// The result is exact: it equals a comparison of all photons by squared distance as `f32` computes it, where ties
+    /// go to the lower index.
     pub fn search<'a>(&self, query: &Query, scratch: &'a mut Scratch) -> Neighbours<'a> {
         let accept = Acceptance::new(query.normal, query.min_normal_cos, query.classes);
         let mut collector = Collector {
@@ -364,9 +369,9 @@ impl PhotonMap {
         Neighbours { keys: &scratch.keys[..len], complete: len > 0 && len == query.k }
     }
 
-    /// Whether every photon lies so far from the plane of the query that none is within [`Query::max_radius`] as a disc measures
-    /// ([`flattened`]): a lower bound of that distance by the box around all photons. As where all lie on a floor, and a place above
-    /// looks for some that lie in its own plane.
+    /// Whether every photon lies so far from the plane of the query that none is within [`Query::max_radius`] in the
+    /// measure of a disc ([`flattened`]). It uses the box around all photons for a lower bound of that distance. An
+    /// example is a map of photons on a floor, and a query above it that looks for photons in its own plane.
     fn is_out_of_plane(&self, query: &Query) -> bool {
         if query.region != SearchRegion::Disc {
             return false;
@@ -382,11 +387,11 @@ impl PhotonMap {
         let across = (bound - height * height).max(0.0).sqrt();
         let tilted = (height * cos - across * sin).max(0.0);
         let outside = (tilted * tilted - IN_SURFACE * IN_SURFACE * bound).max(0.0);
-        // A thousandth is more than all rounding.
+        // The margin of a thousandth exceeds all rounding errors.
         height * height + (DISC_FLATNESS * DISC_FLATNESS - 1.0) * outside > 1.001 * bound
     }
 
-    /// The nearest photon that `query` accepts and `accept` too, and its squared distance. [`Query::k`] is ignored.
+    /// The nearest photon that both `query` and `accept` admit, and its squared distance. [`Query::k`] is ignored.
     pub fn nearest_one(&self, query: &Query, accept: impl Fn(&Photon) -> bool) -> Option<(usize, f32)> {
         let acceptance = Acceptance::new(query.normal, query.min_normal_cos, query.classes);
         let measure = |index: usize, flags, distance_squared, position: Vec3| {
@@ -403,8 +408,8 @@ impl PhotonMap {
     }
 }
 
-/// Keeps the `k` nearest accepted points in a flat buffer of some more than `2 k`: once full, a selection in linear
-/// time leaves `k` and tells the new bound. A heap would cost a logarithm at each photon.
+/// Keeps the `k` nearest accepted points in a flat buffer of slightly more than `2 k`. When it is full, a selection in
+/// linear time keeps `k` and yields the new bound. A heap would cost a logarithm for each photon.
 struct Collector<'a> {
     keys: &'a mut Vec<u64>,
     len: usize,
@@ -422,7 +427,7 @@ impl Collector<'_> {
         self.len = self.k;
     }
 
-    /// Leaves the `k` nearest, the farthest last; their count.
+    /// Keeps the `k` nearest, the farthest last, and returns their number.
     fn finish(mut self) -> usize {
         if self.len > self.k {
             self.shrink();
@@ -435,7 +440,7 @@ impl Collector<'_> {
 }
 
 impl Collector<'_> {
-    /// Takes those points of a block within the bound for which `judge` says so, at the squared distance it gives.
+    /// Takes the points of a block within the bound that `judge` accepts, at the squared distance it returns.
     #[inline]
     fn take(
         &mut self,
@@ -447,7 +452,7 @@ impl Collector<'_> {
         if self.keys.len() < self.len + LEAF {
             self.keys.resize(2 * (self.len + LEAF), 0);
         }
-        // Without branches: every key is written, and the next overwrites those not wanted.
+        // Without branches: every key is written, and the next one overwrites those that are rejected.
         let out = &mut self.keys[self.len..self.len + LEAF];
         let mut near = 0;
         for (lane, &distance_squared) in distances_squared.iter().enumerate() {
@@ -521,18 +526,19 @@ pub(super) struct NearestOne<F> {
     measure: F,
 }
 
-/// No point has this key: its distance is not a number.
+/// A key that no point has: its distance is not a number.
 pub(super) const NO_KEY: u64 = u64::MAX;
 
 impl<F> NearestOne<F> {
-    /// Looks within `max_radius`, of which a negative one contains nothing, for what `measure` accepts: by index, tag,
-    /// squared distance and position it tells the squared distance that counts, no less than that given.
+    /// Searches within `max_radius`; a negative radius contains nothing. `measure` takes index, tag, squared distance
+    /// and position, and returns the squared distance that counts for an accepted point, which must be no less than the
+    /// given one.
     pub(super) fn new(max_radius: f32, measure: F) -> Self {
         let bound = if max_radius >= 0.0 { max_radius * max_radius } else { -1.0 };
         Self { best: NO_KEY, bound, measure }
     }
 
-    /// Key of the nearest.
+    /// Key of the nearest point.
     pub(super) fn best(&self) -> Option<u64> {
         (self.best != NO_KEY).then_some(self.best)
     }
@@ -573,7 +579,7 @@ mod tests {
         Photon::new(position, Rgb::new(1.0, 0.5, rng.next_f32()), normal, normal, class, rng.next_f32())
     }
 
-    /// Points as photons come, and as they should not: in space, on axis-aligned planes, on lines, at few places, at one.
+    /// Photons in usual and unusual arrangements: in space, on axis-aligned planes, on lines, at few places, at one.
     fn photons_of(kind: u32, count: usize, seed: u64) -> Vec<Photon> {
         let mut rng = Rng::new(seed, Stream::Measure, 0);
         (0..count)

@@ -1,3 +1,5 @@
+//! All lights of a scene as the sources of one photon pass.
+
 use super::emission::{Emitter, Goals};
 use crate::lights::LightId;
 use crate::media::MediumStack;
@@ -8,18 +10,19 @@ use rayon::prelude::*;
 /// All lights of a scene, ready to emit the photons of one map.
 #[derive(Clone, Debug)]
 pub(super) struct Sources<'a> {
-    /// By light; `None` where it sends nothing that could be of use.
+    /// By light; `None` where none of its photons would be of use.
     emitters: Vec<Option<Emitter<'a>>>,
-    /// By light: the medium in front and behind.
+    /// By light: the medium stack in front and behind.
     media: Vec<[MediumStack; 2]>,
-    /// By importance; `None` where nothing is emitted.
+    /// Distribution of lights by importance; `None` where no light emits anything.
     choice: Option<Distribution1D>,
     /// Lights that are in more than one medium on one side.
     pub divided: Vec<LightId>,
 }
 
 impl<'a> Sources<'a> {
-    /// For a pass that stores about `stored` photons. `budget` holds factors on the importance of lights, if there are any.
+    /// Prepares a pass that stores about `stored` photons. `budget` holds factors on the importance of the lights, if
+    /// any.
     pub(super) fn new(
         scene: &'a Scene,
         (kind, stored): (MapKind, u64),
@@ -63,10 +66,10 @@ impl<'a> Sources<'a> {
         self.choice.is_none()
     }
 
-    /// Photons of each light where `emitted` leave them all.
+    /// Number of photons that each light emits, of `emitted` in total.
     pub(super) fn shares(&self, emitted: u64) -> Vec<u64> {
         let Some(choice) = &self.choice else { return vec![0; self.emitters.len()] };
-        // At least one photon for a light that shines, so that none is left out whatever the others are.
+        // At least one photon for each light that emits, so that none is left out however small its share is.
         let share = |light| {
             let probability = f64::from(choice.probability(light));
             if self.emitters[light].is_some() {
