@@ -1,7 +1,7 @@
-//! How photons leave the lights.
+//! Emission of photons from the lights.
 //!
-//! A photon's power is the light's emission over the density with which its start was drawn, so flux is exact
-//! wherever photons are aimed: what is not aimed at is not emitted, and nothing else changes.
+//! The power of a photon is the light's emission over the density with which its start was sampled. Flux is therefore
+//! exact in all directions at which photons are aimed; no photons go in other directions.
 
 use super::box_map::{BoxMap, area_of_boxes};
 use super::clusters::clustered;
@@ -15,52 +15,52 @@ use glam::{Vec2, Vec3};
 use std::borrow::Cow;
 use std::f32::consts::{PI, TAU};
 
-/// More objects than this are put together with their neighbours before lights aim at them.
+/// Largest number of objects a light aims at; if there are more, neighbours are combined.
 const MOST_TARGETS: usize = 256;
 
-/// Up to so many lights each have a table for the global map, however few photons they emit.
+/// Up to this number of lights, each has a table for the global map, however few photons it emits.
 pub(crate) const FEW_LIGHTS: u64 = MOST_TARGETS as u64;
 
-/// Pairs of lights and objects that are looked at: with more lights, objects are put together further, down to
+/// Largest number of pairs of lights and objects. With more lights, objects are combined further, down to
 /// [`FEW_TARGETS`], so that the tables of all lights grow no faster than lights and objects.
 const MOST_PAIRS: usize = 1 << 18;
 
-/// A light looks at so many objects, however many lights there are: among so few it needs no table of directions.
+/// Least number of objects for each light, however many lights there are: for so few it needs no table of directions.
 pub(crate) const FEW_TARGETS: usize = 8;
 
-/// Photons that take about as long as the table of a light: it gets one for the global map where it is to emit more, or where lights
-/// are few.
+/// Photons that take about as long as the table of a light. A light has a table for the global map if it is to emit
+/// more, or if there are few lights.
 const PHOTONS_PER_TABLE: f64 = LEAST_FOR_A_TABLE as f64;
 
 /// The same as a whole number.
 pub(crate) const LEAST_FOR_A_TABLE: u64 = 256;
 
-/// A light whose photons would meet something less often than this, though they are sent where something may be, is aimed at the
-/// objects themselves: they are smaller than what its table can tell.
+/// If the photons of a light meet an object less often than this, although its table directs them towards objects, the
+/// light is aimed at the objects one by one: they are smaller than the table resolves.
 const SPARSE: f64 = 1.0 / 32.0;
 
-/// Where photons of a light are sent.
+/// Aim of the photons of a light.
 #[derive(Clone, Debug)]
 enum Aim {
-    /// Wherever the light shines; distant lights at the sphere around the scene.
+    /// Wherever the light shines; photons of distant lights go to the sphere around the scene.
     Everywhere,
-    /// More of them towards objects than elsewhere.
+    /// More photons towards objects than elsewhere.
     Objects(GlobalProjection),
-    /// Only towards specular surfaces, from a light with a place.
+    /// Only towards caustic casters, from a light with a position.
     Casters(ProjectionMap),
-    /// Only towards specular surfaces, from outside.
+    /// Only towards caustic casters, from outside the scene.
     Discs(DiscMap),
-    /// Only towards boxes around objects, from outside.
+    /// Only towards boxes around objects, from outside the scene.
     Boxes(BoxMap),
 }
 
-/// What all lights of a scene are aimed at, for one map.
+/// The targets of all lights of a scene, for one map.
 #[derive(Debug)]
 pub(super) struct Goals<'a> {
     scene: &'a Scene,
     kind: MapKind,
-    /// Casters for the caustic map; for the global map all objects, where these and the lights are too many for each light to
-    /// leave itself out.
+    /// Caustic casters for the caustic map. For the global map all objects, where there are too many lights for each to
+    /// exclude itself.
     shared: Option<Vec<Target>>,
 }
 
@@ -76,7 +76,8 @@ impl<'a> Goals<'a> {
         Self { scene, kind, shared }
     }
 
-    /// What light `index` may shine on: at most so many spheres and boxes around all objects. A flat light does not see itself.
+    /// Targets of light `index`: a limited number of spheres and boxes around all objects. A flat light does not see
+    /// itself.
     fn targets_of(&self, index: usize) -> Cow<'_, [Target]> {
         if let Some(shared) = &self.shared {
             return Cow::Borrowed(shared);
@@ -88,7 +89,7 @@ impl<'a> Goals<'a> {
         Cow::Owned(clustered(&others, MOST_TARGETS))
     }
 
-    /// Whether a light that is to emit about so many photons is worth a table.
+    /// Whether a light that emits about this number of photons is worth a table.
     fn is_worth_a_table(&self, photons: f64) -> bool {
         self.scene.lights().len() <= MOST_TARGETS || photons > PHOTONS_PER_TABLE
     }
@@ -99,26 +100,26 @@ impl<'a> Goals<'a> {
 pub struct EmittedPhoton {
     /// Its ray, unit direction.
     pub ray: Ray,
-    /// Its power if one photon were to carry all of the light's flux (towards the aim): the mean of many photons is
-    /// that flux. Positive.
+    /// Its power if one photon carried all of the light's flux (towards the aim): the mean over many photons is that
+    /// flux. Positive.
     pub power: Rgb,
-    /// It left on the side of the light away from its normal.
+    /// Whether it left on the side of the light opposite to its normal.
     pub back: bool,
 }
 
-/// A light, and what its photons are aimed at.
+/// A light and the aim of its photons.
 #[derive(Clone, Debug)]
 pub struct Emitter<'a> {
     light: &'a Light,
     aim: Aim,
-    /// Of the sphere around the scene.
+    /// Centre and radius of the sphere around the scene.
     bounds: (Vec3, f32),
     importance: f64,
 }
 
 impl<'a> Emitter<'a> {
-    /// Light number `index`, for the photons of one map, of which it is to emit about so many `photons`. `None` where none of its
-    /// photons can be of use: the light is dark, or no caster is anywhere in front of it.
+    /// Light number `index` for one map, of which it emits about `photons` photons. `None` where none of its photons
+    /// can be of use: the light is dark, or no caustic caster is in front of it.
     pub(super) fn new(goals: &Goals<'a>, index: usize, photons: f64) -> Option<Self> {
         let scene = goals.scene;
         let (light, bounds) = (&scene.lights()[index], scene.bounds());
@@ -138,27 +139,26 @@ impl<'a> Emitter<'a> {
         (importance > 0.0).then_some(Self { light, aim, bounds, importance })
     }
 
-    /// Light number `index` of `scene` as it shines, aimed at nothing.
+    /// Light number `index` of `scene`, not aimed at anything.
     pub fn unaimed(scene: &'a Scene, index: usize) -> Self {
         let (light, bounds) = (&scene.lights()[index], scene.bounds());
         let importance = light.flux(bounds.1).max_element() * f64::from(scene.light_note(index).photons);
         Self { light, aim: Aim::Everywhere, bounds, importance }
     }
 
-    /// How many photons the light is to get, relative to others: its flux towards what it is aimed at, times what the
-    /// scene file asks for.
+    /// Relative number of photons of the light: its flux towards its aim, times the factor in the scene file.
     pub fn importance(&self) -> f64 {
         self.importance
     }
 
-    /// Emits a photon for a point `u` of the unit hypercube. `None` where this point sends nothing: it counts as emitted
-    /// all the same, with no power.
+    /// Emits a photon for a point `u` of the unit hypercube. `None` where this point emits nothing; it still counts as
+    /// an emitted photon, without power.
     #[inline]
     pub fn emit(&self, u: [f32; 4]) -> Option<EmittedPhoton> {
         let (place, heading) = (Vec2::new(u[0], u[1]), Vec2::new(u[2], u[3]));
         match self.light {
             Light::Area(area) => {
-                // The shares of the cosine in emission and density cancel where it drew the direction.
+                // The cosines in emission and density cancel where the direction was sampled by the cosine.
                 let (start, direction, factor) = match &self.aim {
                     Aim::Casters(map) => {
                         let from = map.depart(place);
@@ -222,7 +222,8 @@ impl<'a> Emitter<'a> {
                 Some(EmittedPhoton { ray, power: sun.irradiance * area, back: false })
             }
             Light::Sun(sun) => {
-                // The axes of the disc turn with the direction, so that a map of the disc holds for all of them.
+                // The axes of the disc turn with the direction, so that one map of the disc is valid for all
+                // directions.
                 let (direction, across) = (-sun.sample(heading), Frame::from_z(-sun.towards()).x);
                 let (ray, area) = self.enter(Frame::with_tangent(direction, across), place)?;
                 let power = sun.radiance * (sun.solid_angle() * area);
@@ -243,7 +244,7 @@ impl<'a> Emitter<'a> {
         }
     }
 
-    /// A ray of light along the z of `frame` from outside the scene, and the area that it stands for.
+    /// A ray along the z axis of `frame` that starts outside the scene, and the area that it represents.
     fn enter(&self, frame: Frame, u: Vec2) -> Option<(Ray, f32)> {
         let (center, radius) = self.bounds;
         let direction = frame.z;
@@ -256,14 +257,14 @@ impl<'a> Emitter<'a> {
                 (center + frame.x * d.x + frame.y * d.y, PI * radius * radius * factor)
             }
         };
-        // Back to a plane that touches the sphere around the scene, with room for rounding.
+        // Moved back to a plane that touches the sphere around the scene, with a margin for rounding.
         let depth = (point - center).dot(direction) + 1.01 * radius;
         Some((Ray::new(point - direction * depth, direction), area))
     }
 }
 
-/// What the light is aimed at for the global map, and the largest channel of its flux: all of it, or where objects are so small
-/// and far that they have to be aimed at one by one, that towards them.
+/// Aim of the light for the global map, and the largest channel of its flux: its whole flux, or, where objects are so
+/// small and far that it aims at them one by one, its flux towards them.
 fn aim_at_objects(light: &Light, bounds: (Vec3, f32), targets: &[Target]) -> (Aim, f64) {
     let (radius, flux) = (bounds.1, light.flux(bounds.1).max_element());
     let map = match light {
@@ -277,7 +278,7 @@ fn aim_at_objects(light: &Light, bounds: (Vec3, f32), targets: &[Target]) -> (Ai
         Light::Sun(sun) if sun.angular_radius() < 0.1 => {
             GlobalProjection::of_parallel((-sun.towards(), sun.angular_radius()), bounds, targets)
         }
-        // Directions in proportion to luminance, places on the disc around the scene.
+        // Directions are sampled in proportion to luminance, and places on the disc around the scene.
         Light::Spot(_) | Light::Sun(_) | Light::Environment(_) => None,
     };
     let gain = map.as_ref().map_or(1.0, GlobalProjection::gain);
@@ -289,9 +290,10 @@ fn aim_at_objects(light: &Light, bounds: (Vec3, f32), targets: &[Target]) -> (Ai
     (map.map_or(Aim::Everywhere, Aim::Objects), flux)
 }
 
-/// A bound on the share of the light's flux that meets one of the targets, where nothing is in between.
+/// An upper bound on the share of the light's flux that meets one of the targets, without occlusion.
 fn share_that_meets(light: &Light, scene_radius: f32, targets: &[Target]) -> f64 {
-    // Sum of the solid angles of the targets, grown by a light's own extent; all directions from inside of one.
+    // Sum of the solid angles of the targets, each grown by the extent of the light; all directions from inside a
+    // target.
     let solid_angle = |from: Vec3, extent: f32| -> f64 {
         let size = |target: &Target| one_minus_cos(from, target.center, target.radius + extent);
         targets.iter().map(|target| f64::from(TAU * size(target).unwrap_or(2.0))).sum()
@@ -311,7 +313,7 @@ fn share_that_meets(light: &Light, scene_radius: f32, targets: &[Target]) -> f64
     }
 }
 
-/// The light aimed at each of the targets and nowhere else.
+/// Aims the light at each of the targets and nowhere else.
 fn aim_one_by_one(light: &Light, radius: f32, targets: &[Target]) -> Option<(Aim, f64)> {
     let alike: Vec<Target> = targets.iter().map(|target| Target { density: 1.0, ..*target }).collect();
     let boxes = |direction, irradiance: f64| {
@@ -329,8 +331,8 @@ fn aim_one_by_one(light: &Light, radius: f32, targets: &[Target]) -> Option<(Aim
     }
 }
 
-/// What the light is aimed at for the caustic map, and the largest channel of its flux there, casters behind each other
-/// counted twice.
+/// Aim of the light for the caustic map, and the largest channel of its flux there; caustic casters behind each other
+/// count twice.
 fn aim_at_casters(light: &Light, (_, radius): (Vec3, f32), casters: &[Target]) -> Option<(Aim, f64)> {
     Some(match light {
         Light::Area(area) => {

@@ -1,5 +1,5 @@
-//! The photon pass as a whole: how many photons to emit, all of them on all threads, and what is left of a pass that is
-//! stopped.
+//! The photon pass as a whole: how many photons to emit, their distribution over threads, and the result of a pass that
+//! is stopped.
 
 use super::Photon;
 use super::emission::Emitter;
@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 /// Photons of one map.
 #[derive(Debug)]
 pub struct TracedPhotons {
-    /// The photons; their powers are to be divided by `emitted`.
+    /// The photons; the caller divides their powers by `emitted`.
     pub photons: Vec<Photon>,
     /// By photon: index of the surface that it is stored at. Empty where no surface has an illumination map.
     pub surfaces: Vec<u32>,
@@ -23,54 +23,59 @@ pub struct TracedPhotons {
     pub emitted: u64,
     /// By light.
     pub tallies: Vec<PhotonTally>,
-    /// Whether the pass was stopped before all photons were traced. These are then fewer, but stand for the same light.
+    /// Whether the pass was stopped before all photons were traced. There are then fewer photons, but they represent
+    /// the same light.
     pub stopped: bool,
     /// By surface, for the caustic map: whether a photon met it. Empty for other maps.
     pub reached: Vec<bool>,
-    /// Lights that shine and from which, as the pass was stopped, no photon was traced.
+    /// Lights that emit, but of which no photon was traced because the pass was stopped.
     pub missing: Vec<LightId>,
     /// Lights that are in more than one medium on one side.
     pub divided: Vec<LightId>,
 }
 
-/// Photons that one task traces: so few that no thread waits long for the last one.
+/// Photons that one task traces: few enough that no thread waits long for the last task.
 const CHUNK: u64 = 512;
 
-/// A short pass that stores fewer photons than this is made longer, whatever share of those asked for they are.
+/// A short pass that stores fewer photons than this is followed by a longer one, whatever share of the requested number
+/// they are.
 const FEW: u64 = 4096;
 
-/// Parts of a short pass, whose counts tell how certain it is.
+/// Parts of a short pass; the variation of their counts gives its standard error.
 const REPLICAS: u64 = 16;
 
-/// Photons of the first short pass; where surfaces reflect nearly everything, each has thousands of bounces.
+/// Photons of the first short pass. The number is small, because photons have thousands of bounces where surfaces
+/// reflect nearly everything.
 const FIRST_PREPASS: u64 = 256;
 
-/// Each further one is so many times as long.
+/// Ratio of the lengths of successive short passes.
 const GROWTH: u64 = 4;
 
-/// Standard error of the count of stored photons for one emitted, relative, at which a short pass is believed: a quarter of
-/// the 10 % that counts may be off.
+/// Largest relative standard error of the stored photons for each emitted one at which a short pass is accepted: a
+/// quarter of the 10 % by which the number may be off.
 const CERTAIN: f64 = 0.025;
 
-/// A short pass need not store more than this share of what is asked for.
+/// A short pass is also accepted when it stores this share of the requested photons.
 const LARGEST_SHARE: f64 = 0.125;
 
-/// More emitted photons than this for one stored are not worth waiting for; fewer are stored then.
+/// Largest number of emitted photons for each stored one. Where more would be needed, fewer photons are stored.
 const MOST_EMITTED_PER_STORED: f64 = 2000.0;
 
-/// A share of one in [`MOST_EMITTED_PER_STORED`] shows none in so many times as many photons once in e^20 passes.
+/// If one in [`MOST_EMITTED_PER_STORED`] photons is stored, then a pass of this many times as many photons stores none
+/// with probability e^-20.
 const SURE: f64 = 20.0;
 
-/// Traces about `settings.stored` photons: within 10 %, as long as that does not take more than 2000 emitted for each.
+/// Traces about `settings.stored` photons: within 10 %, as long as that does not need more than 2000 emitted photons
+/// for each.
 ///
-/// How many to emit is found by short passes with random numbers of their own, so that the count does not depend on the
-/// photons that are kept. Each light emits in proportion to its flux (for the caustic map, to its flux towards casters) and
-/// what the scene file asks for; a photon's number alone decides its way, so the result is the same for any number of
-/// threads.
+/// Short passes with random numbers of their own determine how many photons to emit, so that this number does not
+/// depend on the photons that are kept. Each light emits in proportion to its flux (for the caustic map, to its flux
+/// towards caustic casters) and to the factor in the scene file. The number of a photon alone determines its path, so
+/// the result is the same for any number of threads.
 ///
-/// `progress` is called with the photons traced so far and those to trace; once it returns `false` no more is begun, and
-/// what is finished is returned: photons in the order of their numbers up to some number of each light, an estimate of
-/// the same light from fewer photons. `None` where there are none yet.
+/// `progress` is called with the number of photons traced so far and the number to trace. Once it returns `false`, no
+/// further task begins, and the finished ones are returned: for each light the photons up to some number, in order,
+/// which are an estimate of the same light from fewer photons. `None` where no task is finished yet.
 pub fn trace_photons(
     scene: &Scene,
     settings: &TraceSettings,
@@ -79,19 +84,19 @@ pub fn trace_photons(
     trace_photons_for(scene, settings, PhotonsFor::default(), progress)
 }
 
-/// What photons are wanted for, beyond what the scene itself says.
+/// Purpose of the photons, beyond what the scene itself states.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PhotonsFor<'a> {
-    /// Each light gets as many photons times its number here, before all are scaled to what is asked for. Numbers are
-    /// positive; they change noise, and no light.
+    /// By light: factor on its number of photons, before all numbers are scaled to the requested total. Factors are
+    /// positive; they change the noise, not the mean.
     pub budget: Option<&'a [f64]>,
-    /// Surfaces whose irradiance is asked for: photons are stored there whatever these surfaces reflect, so also where they
-    /// are black. Indices into [`Scene::surfaces`], in ascending order. Elsewhere photons are stored only where a diffuse lobe
-    /// reflects them.
+    /// Surfaces whose irradiance is needed: photons are stored there whatever these surfaces reflect, even if they are
+    /// black. Indices into [`Scene::surfaces`], in ascending order. Elsewhere photons are stored only where a diffuse
+    /// lobe reflects them.
     pub receivers: &'a [u32],
 }
 
-/// [`trace_photons`] for a purpose.
+/// [`trace_photons`] for the purpose `wanted`.
 pub fn trace_photons_for(
     scene: &Scene,
     settings: &TraceSettings,
@@ -126,18 +131,18 @@ pub fn trace_photons_for(
     pass.run(stream, emitted.ceil() as u64, Some(CHUNK)).map(|(traced, _)| traced)
 }
 
-/// What a light casts by way of specular surfaces.
+/// Caustics of one light.
 #[derive(Clone, Debug)]
 pub struct CausticSurvey {
-    /// What it would get photons of the caustic map by.
+    /// Its importance in the caustic map, which determines its number of photons.
     pub importance: f64,
-    /// Photons that were stored; their powers are to be compared with those of other lights.
+    /// Photons that were stored; their powers can be compared with those of other lights.
     pub photons: Vec<Photon>,
 }
 
-/// The caustic photons of each light out of the same number that each emits, to see which of them matter.
+/// The caustic photons of each light, where every light emits the same number, to find the lights that matter.
 pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<CausticSurvey> {
-    /// As far as photons are followed to see where they go.
+    /// Depth limit of the survey.
     const DEPTH: u32 = 64;
     let lights = scene.lights().len();
     let settings = TraceSettings {
@@ -167,14 +172,14 @@ pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<Ca
 }
 
 /// The rays of a photon pass that emits `emitted` photons, in the order in which one thread traces them: for benchmarks
-/// of ray tracing with a real workload.
+/// of ray tracing with a realistic workload.
 pub fn record_photon_rays(scene: &Scene, settings: &TraceSettings, emitted: u64) -> Vec<Ray> {
     let mut rays = Vec::new();
     trace_alone(scene, settings, emitted, &mut |ray| rays.push(*ray));
     rays
 }
 
-/// The same pass on one thread, without recording: returns the photons and the count of rays that hit something.
+/// The same pass on one thread, without recording. Returns the photons and the number of rays that hit something.
 pub fn trace_photons_alone(scene: &Scene, settings: &TraceSettings, emitted: u64) -> (Vec<Photon>, u64) {
     trace_alone(scene, settings, emitted, &mut |_| ())
 }
@@ -206,13 +211,13 @@ fn trace_alone(
     (photons, rays)
 }
 
-/// Some photons of one light, by number.
+/// A range of photons of one light, by number.
 #[derive(Clone, Copy)]
 struct Task {
     light: usize,
     first: u64,
     end: u64,
-    /// Position within the light's photons, to let all lights advance alike.
+    /// Position within the light's photons, so that all lights advance at the same rate.
     progress: f64,
 }
 
@@ -225,11 +230,11 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// Short passes, the last of them and the photons to emit for one stored.
+    /// Runs short passes; returns the last one and the number of photons to emit for each stored one.
     fn find_count(&self) -> Option<(TracedPhotons, f64)> {
         let mut emitted = FIRST_PREPASS;
-        // Photons emitted without one being stored, after which it is believed that too few can be: as many as were to be stored,
-        // and enough to be sure.
+        // Number of emitted photons after which the search ends if none was stored: at least the number requested, and
+        // enough to be sure.
         let futile = self.settings.stored.max((SURE * MOST_EMITTED_PER_STORED) as u64);
         loop {
             let quiet = Pass { progress: &|_, _| (self.progress)(0, 1), ..*self };
@@ -251,8 +256,8 @@ impl Pass<'_> {
         }
     }
 
-    /// Emits photons in tasks of `chunk`, or as many tasks as [`REPLICAS`] for each light; the photons, and the counts of
-    /// those stored by the tasks with the same number within their lights. `None` where it was stopped before any
+    /// Emits photons in tasks of `chunk`, or in [`REPLICAS`] tasks for each light. Returns the photons, and the number
+    /// of photons stored by the tasks of the same number within their lights. `None` where it was stopped before any
     /// task was done.
     fn run(&self, stream: Stream, emitted: u64, chunk: Option<u64>) -> Option<(TracedPhotons, Vec<u64>)> {
         let shares = self.sources.shares(emitted);
@@ -272,13 +277,13 @@ impl Pass<'_> {
         }
         tasks.sort_by(|a, b| a.progress.total_cmp(&b.progress));
         let (done, stop) = (AtomicU64::new(0), AtomicBool::new(false));
-        // Taken in order, so that what is finished when it stops is (nearly) all that comes before some task.
+        // Tasks start in order, so that the finished tasks at a stop are (nearly) all those before some task.
         let mut results: Vec<(usize, Traced)> = tasks
             .iter()
             .enumerate()
             .par_bridge()
             .filter_map(|(number, task)| {
-                // The first is done however late its thread gets to it: without it there would be nothing.
+                // The first task always runs, however late its thread starts it: without it there would be no result.
                 if number > 0 && stop.load(Ordering::Relaxed) {
                     return None;
                 }
@@ -300,7 +305,7 @@ impl Pass<'_> {
         Some(self.gather(&batch, emitted, &tasks, results))
     }
 
-    /// Puts together what the first tasks gave.
+    /// Combines the results of the first tasks.
     fn gather(
         &self,
         batch: &Batch<'_>,
@@ -332,8 +337,8 @@ impl Pass<'_> {
                 .map(|light| light as LightId)
                 .collect();
         }
-        // Powers are those of a light's flux times all photons over its own. One for a light that is done to the same
-        // share as all.
+        // The power of a photon is its light's flux times all photons over the photons of the light. The factor is one
+        // for a light of which the same share is done as of all lights.
         let factor = |light: usize| {
             let planned = emitted as f64 / batch.shares[light] as f64;
             traced.emitted as f64 / emitted_by[light] as f64 / planned
@@ -368,13 +373,13 @@ impl Pass<'_> {
     }
 }
 
-/// A bit for each surface that photons may reach; none where nobody asks.
+/// One bit for each surface that photons may reach; none where the map does not need them.
 fn no_surfaces(scene: &Scene, kind: MapKind) -> Vec<AtomicU64> {
     let count = if kind == MapKind::Caustic { scene.surfaces().len().div_ceil(64) } else { 0 };
     std::iter::repeat_with(AtomicU64::default).take(count).collect()
 }
 
-/// Standard error of the mean of `counts`, relative to it; infinite where it is not known.
+/// Relative standard error of the mean of `counts`; infinite where it is not known.
 fn relative_error(counts: &[u64]) -> f64 {
     let n = counts.len() as f64;
     let mean = counts.iter().sum::<u64>() as f64 / n;

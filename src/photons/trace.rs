@@ -1,4 +1,4 @@
-//! Pass 1: photons from the lights to where they are absorbed (Jensen 1996, section 3).
+//! Pass 1: traces photons from the lights until they are absorbed (Jensen 1996, section 3).
 
 use super::sources::Sources;
 use super::{Photon, PhotonClass};
@@ -13,29 +13,31 @@ use glam::{DVec3, Vec2, Vec3};
 use std::ops::{AddAssign, MulAssign};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What to trace.
+/// Settings of a photon pass.
 #[derive(Clone, Copy, Debug)]
 pub struct TraceSettings {
     /// Which map the photons are for.
     pub kind: MapKind,
-    /// Photons to store, about.
+    /// Approximate number of photons to store.
     pub stored: u64,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Surfaces a photon may meet before it is cut off and counted as truncated.
+    /// Largest number of surfaces that a photon meets; then it is cut off and counted as truncated.
     pub max_depth: u32,
-    /// Whether photons are aimed by projection maps, rather than sent wherever the lights shine. Changes noise, not light.
+    /// Whether photons are aimed by projection maps, or sent wherever the lights shine. This changes the noise, not the
+    /// mean.
     pub aimed: bool,
 }
 
-/// What became of the photons of one light. Powers are sums over photons; divided by the photons emitted in all, flux.
+/// Counts and powers of the photons of one light. Powers are sums over photons; divided by the number of all emitted
+/// photons they are flux.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PhotonTally {
-    /// Photons emitted, those without power included.
+    /// Photons emitted, including those without power.
     pub emitted: u64,
     /// Photons stored.
     pub stored: u64,
-    /// Surfaces met.
+    /// Number of surfaces met.
     pub bounces: u64,
     /// Photons that met no surface at all.
     pub missed: u64,
@@ -43,11 +45,11 @@ pub struct PhotonTally {
     pub truncated: u64,
     /// Photons that met specular surfaces.
     pub interfaces: u64,
-    /// Photons that met an interface in another medium than it states.
+    /// Photons that met an interface whose stated medium differs from the one they were in.
     pub medium_mismatches: u64,
     /// Power that left the lights.
     pub power_emitted: DVec3,
-    /// Power that surfaces and media absorbed, or that was stored in a map that follows photons no further.
+    /// Power that surfaces and media absorbed, or that was stored in a map which does not follow photons further.
     pub power_absorbed: DVec3,
     /// Power that left the scene.
     pub power_escaped: DVec3,
@@ -81,30 +83,31 @@ impl MulAssign<f64> for PhotonTally {
     }
 }
 
-/// Photons of all lights, some of each.
+/// A pass over all lights: a number of photons of each.
 pub(super) struct Batch<'a> {
     pub scene: &'a Scene,
     pub settings: &'a TraceSettings,
     pub sources: &'a Sources<'a>,
-    /// Surfaces at which photons are stored whatever these reflect: indices, in ascending order.
+    /// Surfaces at which photons are stored even if they reflect nothing: indices, in ascending order.
     pub receivers: &'a [u32],
     pub stream: Stream,
-    /// By light: photons emitted.
+    /// By light: number of photons to emit.
     pub shares: Vec<u64>,
-    /// Surfaces that some photon met, one bit each; empty where nobody asks. Which photons met them first leaves no trace.
+    /// Surfaces that some photon met, one bit each; empty where this is not needed. The result does not depend on which
+    /// photon met a surface first.
     pub reached: &'a [AtomicU64],
 }
 
-/// What came of some photons of one light.
+/// Result of tracing some photons of one light.
 pub(super) struct Traced {
     pub photons: Vec<Photon>,
-    /// By photon, the surface that it is stored at; only where some surfaces have illumination maps.
+    /// By photon, the surface that it is stored at; empty unless some surface has an illumination map.
     pub surfaces: Vec<u32>,
     pub tally: PhotonTally,
 }
 
 impl Batch<'_> {
-    /// Notes that a photon met a surface.
+    /// Records that a photon met a surface.
     #[inline]
     fn note(&self, surface: u32) {
         let (word, bit) = (&self.reached[(surface / 64) as usize], 1 << (surface % 64));
@@ -113,7 +116,7 @@ impl Batch<'_> {
         }
     }
 
-    /// Whether some photon met a surface.
+    /// Whether any photon met a surface.
     pub(super) fn has_reached(&self, surface: u32) -> bool {
         self.reached[(surface / 64) as usize].load(Ordering::Relaxed) >> (surface % 64) & 1 == 1
     }
@@ -138,8 +141,8 @@ impl Batch<'_> {
         let media = self.sources.media(light);
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
         let sequence = Sobol::new(seed);
-        // Every photon of this light stands for this share of its flux, times the photons of all lights, since the
-        // map divides by those.
+        // The map divides by the photons of all lights, so the power of a photon of this light is scaled by that number
+        // over its own.
         let scale = (emitted as f64 / self.shares[light] as f64) as f32;
         let from_infinity = self.scene.lights()[light].is_at_infinity();
         let mut flights: Vec<Flight> = Vec::with_capacity(IN_FLIGHT);
@@ -182,7 +185,7 @@ impl Batch<'_> {
                     self.note(self.scene.surface_of(hit));
                 }
             }
-            // From the back, so that a removal moves only flights that have been advanced.
+            // From the last, so that a removal moves only flights that have been advanced.
             for i in (0..flights.len()).rev() {
                 if !flights[i].advance(self, hits[i], &mut stored, &mut tally) {
                     flights.swap_remove(i);
@@ -191,7 +194,7 @@ impl Batch<'_> {
         }
         let Stored { mut photons, surfaces } = stored;
         tally.stored = photons.len() as u64;
-        // Where few are stored, the rest of the room would outweigh them a thousand times.
+        // Where few photons are stored, the unused capacity could be a thousand times larger.
         photons.shrink_to_fit();
         Traced { photons, surfaces: surfaces.unwrap_or_default(), tally }
     }
@@ -200,39 +203,40 @@ impl Batch<'_> {
 /// Photons stored so far.
 struct Stored {
     photons: Vec<Photon>,
-    /// The surface of each, where that is wanted.
+    /// The surface of each photon, where it is needed.
     surfaces: Option<Vec<u32>>,
 }
 
-/// A photon whose power has grown by more than this, roulette apart, is cut off and counted. Power grows where shading and geometric
-/// normals differ, each time by at most some ten times, and falls as often: no more than one photon in so many grows so far on sound
-/// meshes (Markov's inequality), but where the normals of a closed body contradict each other it may never stop growing.
+/// A photon whose power has grown by more than this factor, roulette apart, is cut off and counted. Power grows where
+/// shading and geometric normals differ, each time by at most a factor of about ten, and it falls as often. On sound
+/// meshes no more than one photon in this number grows so far (Markov's inequality). Where the normals of a closed body
+/// contradict each other, the power might never stop growing.
 const LARGEST_GROWTH: f32 = 1000.0;
 
-/// Photons that a thread has under way at a time. Each goes its own way, whatever the others do; but while one waits for
-/// its surface, the processor works on the next.
+/// Photons that a thread traces at a time. Their paths are independent; while one photon waits for its surface to be
+/// loaded, the processor works on the next.
 const IN_FLIGHT: usize = 32;
 
-/// A photon under way.
+/// A photon on its path.
 struct Flight {
     rng: Rng,
     ray: Ray,
     power: Rgb,
-    /// Brightest channel of the power with which it started, times the factors of [`chain_roulette`] since.
+    /// Brightest channel of the power at the start, times the factors of [`chain_roulette`] since.
     started_with: f32,
     medium: MediumStack,
     /// Surfaces met.
     depth: u32,
-    /// Specular ones since the last that was not.
+    /// Length of the current specular chain.
     chain: u32,
-    /// No diffuse surface met so far.
+    /// Whether the photon has met no diffuse surface so far.
     only_specular: bool,
-    /// Its light is infinitely far away, and its first ray no distance that a medium could absorb over.
+    /// Whether its light is infinitely far away: its first ray then has no distance over which a medium could absorb.
     from_infinity: bool,
     met: Met,
 }
 
-/// What a photon has been counted for.
+/// Counters that a photon has already incremented.
 #[derive(Clone, Copy, Default)]
 struct Met {
     interface: bool,
@@ -240,7 +244,7 @@ struct Met {
 }
 
 impl Flight {
-    /// Goes on from what its ray hit; `false` where it ends.
+    /// Continues from the hit of its ray; `false` where the photon ends.
     #[inline(always)]
     fn advance(
         &mut self,
@@ -274,8 +278,8 @@ impl Flight {
         goes_on
     }
 
-    /// Goes on from a flat Lambert surface, as [`Self::meet`] from all others. Here the direction has no say in the
-    /// roulette, so that is played first, and only survivors draw one.
+    /// Continues from a flat Lambert surface; [`Self::meet`] handles all others. Here the roulette does not depend on
+    /// the direction, so it comes first, and only survivors sample a direction.
     #[inline(always)]
     fn reflect(&mut self, kind: MapKind, hit: &DiffuseHit, photons: &mut Stored) -> bool {
         self.store(kind, (hit.surface, hit.position(), hit.facing_normal()), 1.0, photons);
@@ -289,7 +293,7 @@ impl Flight {
         true
     }
 
-    /// Goes on from any surface.
+    /// Continues from any surface.
     #[inline(never)]
     fn meet(
         &mut self,
@@ -300,15 +304,15 @@ impl Flight {
     ) -> bool {
         let hit = pass.scene.met(&self.ray, hit);
         if let Some(after) = pass.scene.hidden(self.medium, &hit) {
-            // Light behind a border that is not there counts as a caustic: shadow rays end at the border.
+            // Light after a null interface counts as a caustic, because shadow rays end at the interface.
             self.medium = after;
             self.ray = hit.spawn(self.ray.direction);
             return true;
         }
         let shading = pass.scene.shading_within(&hit, self.medium);
         if shading.bsdf.has_diffuse() || pass.receivers.binary_search(&hit.surface).is_ok() {
-            // Density on the surface has the cosine at the geometric normal in it; what is reflected has that at the
-            // shading normal.
+            // Photon density on the surface includes the cosine at the geometric normal; the reflected light has the
+            // cosine at the shading normal.
             let at = (hit.surface, hit.point.position, hit.facing_normal());
             self.store(pass.settings.kind, at, shading_share(&hit), photons);
         }
@@ -320,7 +324,7 @@ impl Flight {
         goes_on && (self.only_specular || pass.settings.kind != MapKind::Caustic)
     }
 
-    /// Stores the photon where it is, on the side of `normal`, with `share` of its power.
+    /// Stores the photon at its position, on the side of `normal`, with `share` of its power.
     #[inline(always)]
     fn store(
         &mut self,
@@ -348,7 +352,7 @@ impl Flight {
         }
     }
 
-    /// Draws the ray on which the photon goes on, and its new power; `false` where it ends here.
+    /// Samples the ray on which the photon continues, and its new power; `false` where it ends here.
     fn scatter(
         &mut self,
         pass: &Batch<'_>,
@@ -360,7 +364,7 @@ impl Flight {
         let u_lobe = if shading.bsdf.chooses() { self.rng.next_f32() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { Vec2::ZERO } else { self.rng.next_2d() };
         let bent = hit.shading_normal != hit.point.normal;
-        // Where a caustic photon would end by the diffuse lobe, the others alone are drawn.
+        // The diffuse lobe would end a caustic photon, so only the other lobes are sampled.
         let is_mixed = pass.settings.kind == MapKind::Caustic && !bent && shading.bsdf.has_diffuse();
         let (u_lobe, share) = if is_mixed { without_diffuse(shading, u_lobe) } else { (u_lobe, 1.0) };
         let found = match (&shading.bsdf, bent) {
@@ -396,8 +400,8 @@ impl Flight {
             tally.power_absorbed -= power.as_dvec3();
             return false;
         }
-        // Photons are aimed at a surface by what it mirrors, and those that arrive there carry more by as much as it mirrors less: roulette
-        // is not to take that away again.
+        // Photons are aimed at a surface in proportion to the share that it mirrors, so photons that arrive at a weak
+        // mirror carry more power. Roulette must not undo this.
         let expected = if is_mixed && self.depth == 0 { mirrored_share(&shading.bsdf) } else { 1.0 };
         if !self.survives_below(power, expected) {
             return false;
@@ -408,7 +412,7 @@ impl Flight {
     }
 
     /// Counts the photon once if it meets interfaces, and once if one of them states another medium on this side. The
-    /// photon goes on in the stated one, so that one mistake is not repeated at each interface behind it.
+    /// photon continues in the stated medium, so that one mistake is not counted again at each later interface.
     fn check_medium(&mut self, scene: &Scene, hit: &SurfaceInteraction, tally: &mut PhotonTally) {
         if !self.met.interface {
             self.met.interface = true;
@@ -422,14 +426,15 @@ impl Flight {
         self.medium = stated;
     }
 
-    /// Chromatic roulette over what is left of the `power` after a surface: the brightest channel decides, so that
-    /// photons keep their power and no channel of a survivor grows beyond it.
+    /// Chromatic roulette after a surface, with `power` as the remaining power: the brightest channel decides, so that
+    /// photons keep their power and no channel of a survivor exceeds it.
     #[inline(always)]
     fn survives(&mut self, power: Rgb) -> bool {
         self.survives_below(power, 1.0)
     }
 
-    /// [`Self::survives`] where photons are meant to keep the `expected` share of their power: none is stopped that has as much.
+    /// [`Self::survives`] where photons are expected to keep the share `expected` of their power: a photon that keeps
+    /// at least this share always survives.
     #[inline(always)]
     fn survives_below(&mut self, power: Rgb, expected: f32) -> bool {
         let survival = power.max_element() / (self.power.max_element() * expected);
@@ -441,8 +446,8 @@ impl Flight {
     }
 }
 
-/// The number that chooses a lobe, moved to where it chooses none but the highly glossy and specular ones, and the share of the
-/// light that is theirs.
+/// The random number that chooses a lobe, remapped so that it chooses only highly glossy and specular lobes, and the
+/// share of light that these lobes carry.
 fn without_diffuse(shading: &Shading, u_lobe: f32) -> (f32, f32) {
     let [diffuse, glossy, specular] = shading.bsdf.lobe_weights(shading.wo_local);
     let total = diffuse + glossy + specular;
@@ -453,7 +458,7 @@ fn without_diffuse(shading: &Shading, u_lobe: f32) -> (f32, f32) {
     ((share + (1.0 - share) * u_lobe).min(ONE_MINUS_EPSILON), 1.0 - share)
 }
 
-/// Mean share, over the hemisphere and weighted by the cosine, of the light that a surface mirrors or refracts.
+/// Share of the light that a surface mirrors or refracts: mean over the hemisphere, weighted by the cosine.
 fn mirrored_share(bsdf: &Bsdf) -> f32 {
     const DIRECTIONS: u8 = 4;
     let share = |i: u8| {
@@ -465,30 +470,31 @@ fn mirrored_share(bsdf: &Bsdf) -> f32 {
     ((0..DIRECTIONS).map(share).sum::<f32>() / f32::from(DIRECTIONS)).clamp(f32::MIN_POSITIVE, 1.0)
 }
 
-/// A direction and the sample that it is from.
+/// A BSDF sample and its direction.
 type Scattered = (BsdfSample, Vec3);
 
-/// A direction drawn from the BSDF.
+/// A direction sampled from the BSDF.
 fn sampled(shading: &Shading, u_lobe: f32, u: Vec2) -> Option<Scattered> {
     let sample = shading.bsdf.sample(shading.wo_local, u_lobe, u, TransportMode::Flux)?;
     Some((sample, shading.frame.to_world(sample.wi)))
 }
 
-/// A direction from a Lambertian surface with another shading normal. Its light leaves as that of any Lambertian surface, so it
-/// is drawn around the geometric normal, and has no cosine at grazing angles to be divided by.
+/// A direction from a Lambertian surface whose shading normal differs. Its light leaves as from any Lambertian surface,
+/// so the direction is sampled around the geometric normal, and no cosine at grazing angles divides the weight.
 fn sampled_around_geometric(hit: &SurfaceInteraction, shading: &Shading, u: Vec2) -> Option<Scattered> {
     let frame = Frame::from_z(shading.geometric);
     let sample = shading.bsdf.sample(frame.to_local(hit.wo), 0.0, u, TransportMode::Flux)?;
     let direction = frame.to_world(sample.wi);
-    // The adjoint of what a camera path meets that arrives from `direction`: it sees the geometric normal where the shading
-    // normal faces away from it.
+    // The adjoint of a camera path that arrives from `direction`: it uses the geometric normal where the shading normal
+    // faces away from it.
     let sees_shading = sides_agree(direction, hit.shading_normal, hit.point.normal);
     let share = if sees_shading { shading_share(hit) } else { 1.0 };
     Some((BsdfSample { throughput: sample.throughput * share, ..sample }, direction))
 }
 
-/// Directions in which light goes on from a surface whose normals differ, each a term of the adjoint of what paths do: those
-/// from where the shading normal is seen, and those from where it faces away and a path sees the geometric one, `flat`.
+/// Directions in which light continues from a surface whose normals differ. Each is a term of the adjoint of camera
+/// paths: terms from directions that see the shading normal, and one from directions where it faces away and a path
+/// uses the geometric one, `flat`.
 fn candidates(
     hit: &SurfaceInteraction,
     shading: &Shading,
@@ -497,7 +503,7 @@ fn candidates(
 ) -> [Option<Scattered>; 4] {
     let seen = match shading.bent() {
         Some(bent) => bent.scatter_photon(u_lobe, u),
-        // Light from where the shading normal faces away.
+        // Light that arrives from behind the shading normal.
         None => [None; 3],
     };
     let [a, b, c] = seen.map(|sample| sample.map(|sample| (sample, shading.frame.to_world(sample.wi))));
@@ -505,7 +511,7 @@ fn candidates(
     [a, b, c, sampled(flat, u_lobe, u).filter(|&(_, direction)| faces_away(direction))]
 }
 
-/// One of several directions, in proportion to what goes there, with the light of all.
+/// Chooses one of several directions in proportion to the light that goes there, and gives it the light of all.
 fn one_of(candidates: [Option<Scattered>; 4], u: impl FnOnce() -> f32) -> Option<Scattered> {
     let weight = |found: &Option<Scattered>| found.map_or(0.0, |(sample, _)| sample.throughput.max_element());
     let total: f32 = candidates.iter().map(weight).sum();
@@ -516,16 +522,16 @@ fn one_of(candidates: [Option<Scattered>; 4], u: impl FnOnce() -> f32) -> Option
         left -= weight;
         is_here
     });
-    // Rounding may leave a little at the end.
+    // Rounding may leave a remainder at the end.
     let chosen = chosen.or_else(|| candidates.iter().rposition(|found| weight(found) > 0.0))?;
     let (sample, direction) = candidates[chosen]?;
     let throughput = sample.throughput * (total / sample.throughput.max_element());
     Some((BsdfSample { throughput, ..sample }, direction))
 }
 
-/// What a Lambertian surface reflects of light that arrives at `hit`, over what it would with the geometric normal as shading
-/// normal: the share of a photon's power that the map keeps ([`crate::bsdf::Bend::lambert_share`]). Zero from below the
-/// shading normal's horizon.
+/// Light that a Lambertian surface reflects at `hit`, over what it would reflect with the geometric normal as shading
+/// normal: the share of a photon's power that the map stores ([`crate::bsdf::Bend::lambert_share`]). Zero for light
+/// from below the horizon of the shading normal.
 fn shading_share(hit: &SurfaceInteraction) -> f32 {
     if hit.shading_normal == hit.point.normal {
         return 1.0;
