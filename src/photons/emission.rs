@@ -21,11 +21,11 @@ const MOST_TARGETS: usize = 256;
 /// Up to this number of lights, each has a table for the global map, however few photons it emits.
 pub(crate) const FEW_LIGHTS: u64 = MOST_TARGETS as u64;
 
-/// Largest number of pairs of lights and objects. With more lights, objects are combined further, down to
+/// Largest number of pairs of lights and caustic casters. With more lights, casters are combined further, down to
 /// [`FEW_TARGETS`], so that the tables of all lights grow no faster than lights and objects.
 const MOST_PAIRS: usize = 1 << 18;
 
-/// Least number of objects for each light, however many lights there are: for so few it needs no table of directions.
+/// Least number of casters for each light, however many lights there are: for so few it needs no table of directions.
 pub(crate) const FEW_TARGETS: usize = 8;
 
 /// Photons that take about as long as the table of a light. A light has a table for the global map if it is to emit

@@ -1,9 +1,10 @@
-//! Where light comes from, as photons near a place tell: distributions of directions to draw gather rays and paths from.
+//! Path guiding: distributions of directions from which nearby photons arrived, to sample gather rays and paths.
 //!
 //! The idea is that of Jensen, "Importance Driven Path Tracing using the Photon Map" (Rendering Techniques 1995): a
-//! histogram of the flux of near photons over the unit square, from which the cosine-weighted map leads to directions.
-//! There it is built at every hit, of some 50 photons; here beforehand, for cells of the scene's surfaces, of many more,
-//! and a hit looks up its cell. The density is positive wherever light may come from, so estimates stay unbiased.
+//! histogram of the flux of near photons over the unit square, which the cosine-weighted map takes to directions.
+//! Jensen builds it at every hit from about 50 photons. Here it is precomputed from many more photons for cells of the
+//! scene's surfaces, and a hit looks up its cell. The density is positive wherever light may come from, so estimates
+//! stay unbiased.
 
 use super::SearchRegion;
 use super::estimate::least_radius;
@@ -26,45 +27,46 @@ const SIDE: usize = 1 << LEVELS;
 /// Inner nodes of the quadtree: 1 + 4 + 16 + 64.
 const NODES: usize = (SIDE * SIDE - 1) / 3;
 
-/// How guides are built.
+/// Settings of guides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuideParams {
-    /// Photons that guide. Not those of light that is found in other ways, as direct light by shadow rays.
+    /// Classes of photons that guide; not those of light that is sampled in other ways, such as direct light by shadow
+    /// rays.
     pub classes: PhotonClasses,
-    /// Photons of each distribution.
+    /// Number of photons for each distribution.
     pub nearest: usize,
-    /// Cells with more photons are divided. Fewer than [`Self::nearest`], so that distributions change little from cell
-    /// to cell.
+    /// Cells with more photons are divided. This is less than [`Self::nearest`], so that distributions change little
+    /// from cell to cell.
     pub per_cell: usize,
-    /// Share of directions drawn as a Lambertian surface reflects: what bounds the weight of a sample, by the inverse.
+    /// Share of directions sampled as for a Lambertian surface; its inverse bounds the weight of a sample.
     pub floor: f32,
     /// Search region.
     pub region: SearchRegion,
-    /// Photons farther than this are left out, render space.
+    /// Photons farther away than this are left out, render space.
     pub max_radius: f32,
 }
 
 impl GuideParams {
-    /// [`Self::floor`] that measurement favours (`benches/guide.rs`).
+    /// Best value of [`Self::floor`] in measurements (`benches/guide.rs`).
     pub const FLOOR: f32 = 0.5;
-    /// [`Self::nearest`] likewise.
+    /// Best value of [`Self::nearest`], likewise.
     pub const NEAREST: usize = 512;
-    /// [`Self::per_cell`] likewise.
+    /// Best value of [`Self::per_cell`], likewise.
     pub const PER_CELL: usize = 128;
 }
 
-/// Photons that the prior of each node is worth: so many, spread evenly over its four parts, join those found there.
-/// Where photons are few the distribution stays as even as their parent's, where they are many they decide.
+/// Pseudo-count of the prior of each node: this many photons, spread evenly over its four parts, are added to those
+/// found there. With few photons the distribution stays as even as that of the parent; with many the photons decide.
 const PRIOR: f32 = 8.0;
 
-/// Directions that light comes from, by cells of the surfaces of a scene.
+/// Distributions of incident directions, by cells of the surfaces of a scene.
 ///
 /// Cells are the leaves of six octrees, one for each axis and side that a surface may face.
 #[derive(Clone, Debug)]
 pub struct DirectionGuide {
-    /// Parts of each inner node.
+    /// Children of each inner node.
     nodes: Vec<[Part; 8]>,
-    /// By the axis that normals are nearest to.
+    /// Roots, by the axis nearest to the normals.
     roots: [Part; 6],
     records: Vec<Record>,
 }
@@ -76,27 +78,27 @@ struct Record {
     normal: Vec3,
 }
 
-/// What a cell is.
+/// Content of a cell.
 #[derive(Clone, Copy, Debug)]
 enum Part {
     /// No photon fell into it.
     Empty,
-    /// It is divided: index of the node.
+    /// Divided: index of the node.
     Node(u32),
-    /// Index of its distribution.
+    /// Not divided: index of its distribution.
     Leaf(u32),
 }
 
 /// Levels of the octrees: the smallest cells have 1/1024 of the scene's diameter.
 const CELL_LEVELS: u32 = 10;
 
-/// The octrees reach from here, a little beyond the unit sphere, in all axes. Numbers that are not round keep the borders
-/// of cells out of the planes that walls like to be in, where rounding would decide.
+/// Lower corner of the octrees in all axes, slightly outside the unit sphere. Irregular numbers keep the boundaries of
+/// cells away from the planes in which walls usually lie, where rounding would decide.
 const CORNER: f32 = -1.061_803;
-/// Cells of the smallest size in a unit of length.
+/// Number of smallest cells in a unit of length.
 const CELLS_PER_LENGTH: f32 = (1 << CELL_LEVELS) as f32 / 2.141_592_7;
 
-/// Column, row and layer of a place among the smallest cells.
+/// Column, row and layer of the smallest cell at a position.
 #[inline]
 fn cell_of(position: Vec3) -> [u32; 3] {
     let largest = ((1u32 << CELL_LEVELS) - 1) as f32;
@@ -111,8 +113,7 @@ fn octant(cell: [u32; 3], level: u32) -> usize {
     bit(cell[0]) | bit(cell[1]) << 1 | bit(cell[2]) << 2
 }
 
-/// Number of the axis, with its side, that a normal is nearest to. The axes do not weigh the same, for the sake of surfaces
-/// at 45 degrees.
+/// Number of the axis and side nearest to a normal. The axes have different weights, because of surfaces at 45 degrees.
 #[inline]
 fn facing(normal: Vec3) -> usize {
     let [x, y, z] = (normal.abs() * Vec3::new(1.0, 1.07, 0.93)).to_array();
@@ -120,10 +121,10 @@ fn facing(normal: Vec3) -> usize {
     2 * axis + usize::from(normal[axis] < 0.0)
 }
 
-/// A photon on its way into a cell.
+/// A photon and the path to its cell.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Placed {
-    /// Octants from the root on, three bits each, under the axis that it faces.
+    /// Octants from the root down, three bits each, below the number of the axis and side.
     path: u64,
     photon: u32,
 }
@@ -131,8 +132,8 @@ struct Placed {
 impl DirectionGuide {
     /// Distributions for all places where `map` has photons in [`GuideParams::classes`]; `None` where there is none.
     ///
-    /// A function of the photons and the parameters: threads change no bit, and neither does the unit of power or length
-    /// where it changes by a power of two.
+    /// The result is a function of the photons and the parameters. The number of threads changes no bit, and neither
+    /// does a change of the unit of power or length by a power of two.
     pub fn build(map: &PhotonMap, params: &GuideParams) -> Option<Self> {
         let mut placed: Vec<Placed> = (0..map.len())
             .into_par_iter()
@@ -169,8 +170,8 @@ impl DirectionGuide {
         Some(guide)
     }
 
-    /// Divides the cell of `photons`, in order of their paths, until no part has more than `per_cell`; notes the photons
-    /// of each leaf.
+    /// Divides the cell of `photons`, which are sorted by their paths, until no part has more than `per_cell`; appends
+    /// the photons of each leaf to `leaves`.
     fn divide<'a>(
         &mut self,
         photons: &'a [Placed],
@@ -202,7 +203,7 @@ impl DirectionGuide {
         self.records.len()
     }
 
-    /// Never true: there is a distribution.
+    /// Never true: there is at least one distribution.
     pub fn is_empty(&self) -> bool {
         self.records.is_empty()
     }
@@ -212,8 +213,8 @@ impl DirectionGuide {
         self.nodes.capacity() * size_of::<[Part; 8]>() + self.records.capacity() * size_of::<Record>()
     }
 
-    /// The distribution of the cell of `position` on a surface that faces the unit geometric `normal`, turned to the unit
-    /// `shading` normal. `None` where no photon fell into the cell.
+    /// The distribution of the cell of `position` on a surface that faces the unit geometric `normal`, rotated to the
+    /// unit `shading` normal. `None` where the cell holds no photon.
     #[inline]
     pub fn at(&self, position: Vec3, normal: Vec3, shading: Vec3) -> Option<GuideLobe<'_>> {
         let cell = cell_of(position);
@@ -228,7 +229,7 @@ impl DirectionGuide {
     }
 }
 
-/// The photon nearest to the mean place of some; the first of equally near ones.
+/// The photon nearest to the mean position of some; the first of equally near ones.
 fn most_central(map: &PhotonMap, photons: &[Placed]) -> u32 {
     let place = |photon: &Placed| map.position(photon.photon as usize).as_dvec3();
     let mean = photons.iter().map(place).sum::<DVec3>() / photons.len() as f64;
@@ -266,7 +267,7 @@ fn record(
         sum += f64::from(weight);
         sum_of_squares += f64::from(weight).powi(2);
     }
-    // Photons of equal weight that would be as noisy as these (Kish 1965).
+    // Effective number of photons: that many of equal weight would have the same noise (Kish 1965).
     let effective = if sum > 0.0 { sum * sum / sum_of_squares } else { 0.0 };
     let per_weight = if sum > 0.0 { (effective / sum) as f32 } else { 0.0 };
     counts.iter_mut().for_each(|count| *count *= per_weight);
@@ -285,8 +286,8 @@ fn splat(counts: &mut [f32; SIDE * SIDE], p: Vec2, weight: f32) {
     counts[first + SIDE + 1] += weight * share.x * share.y;
 }
 
-/// The frame that leads from [`Frame::from_z`] of `from` to `to` by the shortest rotation; `None` where they point
-/// nearly apart.
+/// The frame [`Frame::from_z`] of `from`, rotated to `to` by the shortest rotation; `None` where they point in nearly
+/// opposite directions.
 #[inline]
 fn turned(from: Vec3, to: Vec3) -> Option<Frame> {
     let frame = Frame::from_z(from);
@@ -305,14 +306,14 @@ pub struct GuideLobe<'a> {
     frame: Frame,
 }
 
-/// A distribution of directions at one place, of the photons nearest to just that; where it is asked so often that a search
-/// of its own pays.
+/// A distribution of directions from the photons nearest to one place, for places that are used often enough to be
+/// worth a search of their own.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalGuide(Record);
 
 impl LocalGuide {
-    /// From the photons of `map` around `position` on a surface that faces the unit geometric `normal`.
-    /// [`GuideParams::per_cell`] has no say.
+    /// Builds it from the photons of `map` around `position` on a surface that faces the unit geometric `normal`.
+    /// [`GuideParams::per_cell`] is not used.
     pub fn new(
         map: &PhotonMap,
         params: &GuideParams,
@@ -323,22 +324,22 @@ impl LocalGuide {
         Self(record(map, params, position, normal, scratch))
     }
 
-    /// Turned to the unit `shading` normal; `None` where that faces away.
+    /// The distribution rotated to the unit `shading` normal; `None` where that faces away.
     pub fn turned(&self, shading: Vec3) -> Option<GuideLobe<'_>> {
         Some(GuideLobe { square: &self.0.square, frame: turned(self.0.normal, shading)? })
     }
 }
 
 impl GuideLobe<'_> {
-    /// By how much more often than a Lambertian surface does this draws the unit `direction`; zero below the surface.
+    /// Density of the unit `direction` over that of Lambertian sampling; zero below the surface.
     #[inline]
     pub fn over_lambert(&self, direction: Vec3) -> f32 {
         let wi = self.frame.to_local(direction);
         if wi.z > 0.0 { self.square.density(disc_to_square(wi.truncate())) } else { 0.0 }
     }
 
-    /// A direction for `u` in `[0, 1)^2`: in world axes, its cosine to the shading normal, above zero, and its density
-    /// per solid angle, 1/sr.
+    /// Samples a direction for `u` in `[0, 1)^2`. Returns it in world axes, its cosine to the shading normal, above
+    /// zero, and its density per solid angle, 1/sr.
     #[inline]
     pub fn sample(&self, u: Vec2) -> (Vec3, f32, f32) {
         let (p, density) = self.square.sample(u);
@@ -346,7 +347,7 @@ impl GuideLobe<'_> {
         (self.frame.to_world(wi), wi.z, density * wi.z * FRAC_1_PI)
     }
 
-    /// Density per solid angle, 1/sr, with which [`Self::sample`] draws the unit `direction`; zero below the surface.
+    /// Density per solid angle, 1/sr, with which [`Self::sample`] samples the unit `direction`; zero below the surface.
     #[inline]
     pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
         let cos = direction.dot(self.frame.z);
@@ -354,13 +355,13 @@ impl GuideLobe<'_> {
     }
 }
 
-/// A piecewise constant density over the unit square: of the quadrants of each node, which share its mass falls to.
+/// A piecewise constant density over the unit square, a quadtree: each node divides its mass among its quadrants.
 ///
 /// A square is halved by `x` and each half by `y`, in 256ths, so that the densities integrate to one without rounding.
-/// Sampling keeps strata: points near each other stay so but for the jumps between cells.
+/// Sampling preserves strata: points near each other stay near each other, except across the boundaries of cells.
 #[derive(Clone, Copy, Debug)]
 struct Quadtree {
-    /// Share of the left half; of the lower half of the left and the right one.
+    /// Share of the left half; share of the lower part in the left half, and in the right half.
     splits: [[u8; 3]; NODES],
 }
 
@@ -370,9 +371,9 @@ const fn first_node(level: usize) -> usize {
 }
 
 impl Quadtree {
-    /// The density after `counts` photons, row after row, mixed with a constant one that keeps the share `floor`.
+    /// The density from `counts` photons, row after row, mixed with a constant density of weight `floor`.
     fn of(counts: &[f32; SIDE * SIDE], floor: f32) -> Self {
-        // Masses of all cells, level after level; the last are the leaves.
+        // Masses of all cells, level after level; the last ones are the leaves.
         let mut masses = [0.0f32; NODES + SIDE * SIDE];
         masses[NODES..].copy_from_slice(counts);
         sum_up(&mut masses);
@@ -449,8 +450,8 @@ const RECIPROCALS: [f32; 256] = {
     all
 };
 
-/// Goes to the upper half (1) where `u` is not below the split, else to the lower (0); what is left of `u` is uniform again.
-/// No branches: none could be foretold.
+/// Descends to the upper half (1) if `u` is not below the split, otherwise to the lower half (0), and rescales `u` so
+/// that it is uniform again. There are no branches, because none could be predicted.
 #[inline]
 fn descend(split: u8, u: &mut f32, density: &mut f32) -> usize {
     let split = usize::from(split);
@@ -462,13 +463,13 @@ fn descend(split: u8, u: &mut f32, density: &mut f32) -> usize {
     upper
 }
 
-/// The share of `low` in 256ths, at least one and at most 255.
+/// The share of `low` in 256ths, between 1 and 255.
 fn split(low: f32, high: f32) -> u8 {
     let share = if low + high > 0.0 { low / (low + high) } else { 0.5 };
     (share * 256.0).round().clamp(1.0, 255.0) as u8
 }
 
-/// Children of `node` of a level, counted from the level's first, among all cells: row after row.
+/// Children of `node` of a level, where nodes count from the first of their level, as indices among all cells.
 fn children(level: usize, node: usize) -> [usize; 4] {
     let (row, column) = (node >> level, node & ((1 << level) - 1));
     let child =
@@ -504,8 +505,8 @@ mod tests {
         max_radius: f32::INFINITY,
     };
 
-    /// Photons on a square of side 1 in the plane through the origin with this normal: most from a cone around one
-    /// direction, others cosine-distributed, direct ones from elsewhere, powers times `power`.
+    /// Photons on a square of side 1 in the plane through the origin with this normal: most of them from a cone around
+    /// one direction, others cosine-distributed, direct ones from elsewhere, their powers multiplied by `power`.
     fn photons(count: u64, normal: Vec3, power: f32) -> Vec<Photon> {
         let frame = Frame::from_z(normal);
         (0..count)
@@ -544,8 +545,8 @@ mod tests {
                 let lobe = guide.at(Vec3::ZERO, normal, shading).unwrap();
                 let harness =
                     ChiSquare { bins: [SIDE, SIDE], runs: 8, seed: i as u64, ..ChiSquare::default() };
-                // By points of the square, whose cells the bins are: per solid angle the density jumps within bins. The
-                // map to the hemisphere has the density cos / pi.
+                // The test uses points of the square, whose cells are the bins: the density per solid angle jumps
+                // within bins. The map to the hemisphere has the density cos / pi.
                 harness
                     .unit_square(
                         |rng| {
@@ -593,7 +594,7 @@ mod tests {
                 let (direction, _, pdf) = lobe.sample(rng.next_2d());
                 off += u32::from((lobe.pdf_solid_angle(direction) / pdf - 1.0).abs() > 1e-4);
             }
-            // At the borders of cells rounding decides.
+            // At the boundaries of cells rounding decides.
             assert!(off < 20, "{off} of 100000 samples");
         }
     }
@@ -605,7 +606,7 @@ mod tests {
             let lobe = guide.at(Vec3::ZERO, normal, normal).unwrap();
             let frame = Frame::from_z(normal);
             let density = |wi: Vec3| lobe.pdf_solid_angle(frame.to_world(wi)) / (wi.z * FRAC_1_PI);
-            // Indirect photons do, direct ones do not count.
+            // Indirect photons count, direct photons do not.
             assert!(density(Vec3::new(0.48, 0.64, 0.6)) > 5.0);
             assert!(density(Vec3::new(-0.6, 0.0, 0.8)) < 1.0);
             let mut rng = Rng::new(8, Stream::Measure, 0);

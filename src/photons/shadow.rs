@@ -1,5 +1,5 @@
-//! Direct and shadow photons: rays from the lights through the whole scene, which store where light arrives and where
-//! something is in its way (Jensen & Christensen 1995; Jensen 1996, section 3).
+//! Direct and shadow photons: rays from the lights pass through the whole scene, and photons are stored where light
+//! arrives and where it is blocked (Jensen & Christensen 1995; Jensen 1996, section 3).
 
 use super::emission::Emitter;
 use super::shadow_decision::{DecisionMap, ShadowDecision};
@@ -10,11 +10,11 @@ use crate::scene::{Crossings, Scene, ShadowMode, SurfaceInteraction};
 use rayon::prelude::*;
 use std::ops::AddAssign;
 
-/// Photons that `as-printed` asks around a point: ten, as for the shadow hits of illumination maps in section 6 of
+/// Photons around a point that `as-printed` uses: ten, as for the shadow hits of illumination maps in section 6 of
 /// Jensen & Christensen 1995 (Computers & Graphics); Jensen 1996 states no number.
 const NEAREST: usize = 10;
 
-/// What became of the rays of one light.
+/// Counts of the rays of one light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShadowTally {
     /// Rays traced.
@@ -23,9 +23,9 @@ pub struct ShadowTally {
     pub missed: u64,
     /// Surfaces crossed, an edge between triangles once.
     pub crossings: u64,
-    /// Hits at edges or corners that were the same crossing as another.
+    /// Hits at edges or corners that belonged to the same crossing as another hit.
     pub merged: u64,
-    /// Crossings beyond what is kept of one ray.
+    /// Crossings beyond the number that is kept for one ray.
     pub dropped: u64,
     /// Direct photons stored.
     pub direct: u64,
@@ -59,11 +59,11 @@ pub struct TracedShadows {
 /// Rays that one task traces.
 const CHUNK: u64 = 4096;
 
-/// Traces `rays` rays of `light` through the whole scene. At the first surface a direct photon is stored, at each one
-/// behind it a shadow photon, wherever the surface has a diffuse part on that side: a first surface of glass or metal
-/// stores none, and casts a shadow all the same, since shadow rays are stopped there.
+/// Traces `rays` rays of `light` through the whole scene. A direct photon is stored at the first surface and a shadow
+/// photon at each surface behind it, if the surface has a diffuse component on that side. A first surface of glass or
+/// metal stores none, but still casts a shadow, since shadow rays are stopped there.
 ///
-/// The same for any number of threads.
+/// The result is the same for any number of threads.
 pub fn trace_shadow_photons(scene: &Scene, light: LightId, rays: u64, seed: u64) -> TracedShadows {
     let chunks: Vec<TracedShadows> = (0..rays.div_ceil(CHUNK))
         .into_par_iter()
@@ -92,12 +92,13 @@ fn trace_range(
     if light as usize >= scene.lights().len() {
         return found;
     }
-    // Not aimed: decisions count photons, which must come from all of the light alike.
+    // The photons are not aimed: decisions count photons, which must represent all of the light equally.
     let emitter = Emitter::unaimed(scene, light as usize);
     let seed = mix(seed ^ mix(u64::from(light)));
     for index in first..end {
         found.tally.rays += 1;
-        // Independent numbers rather than Sobol' points: the confidence of decisions is that of independent samples.
+        // Independent random numbers rather than Sobol' points: the confidence of decisions assumes independent
+        // samples.
         let mut rng = Rng::new(seed, Stream::ShadowPhotons, index);
         let (place, heading) = (rng.next_2d(), rng.next_2d());
         let u = [place.x, place.y, heading.x, heading.y];
@@ -133,12 +134,12 @@ fn trace_range(
     found
 }
 
-/// What the photons of one light are kept as.
+/// Stored form of the photons of one light.
 #[derive(Debug)]
 enum LightMap {
-    /// The photons: `as-printed`, and to show them.
+    /// The photons, for `as-printed` and for pictures of them.
     Photons(PhotonMap),
-    /// Only what they say: `bounded`.
+    /// Only the decisions, for `bounded`.
     Decisions(DecisionMap),
 }
 
@@ -152,8 +153,9 @@ pub struct ShadowMaps {
     max_radius: f32,
 }
 
-/// Traces `rays` rays, shared evenly by the lights that `mode` serves (by all but the environment where photons are to be
-/// shown, in mode `Off`), and keeps what `mode` needs of the photons. `max_radius` bounds searches, render space.
+/// Traces `rays` rays, divided evenly among the lights that `mode` uses (in mode `Off`, where photons are to be shown,
+/// among all but the environment), and stores the form of the photons that `mode` needs. `max_radius` bounds searches,
+/// render space.
 pub fn build_shadow_maps(
     scene: &Scene,
     mode: ShadowMode,
@@ -183,7 +185,7 @@ pub fn build_shadow_maps(
 }
 
 impl ShadowMaps {
-    /// What the photons of `light` say of a place. `None` where there is no map of them.
+    /// The decision of the photons of `light` for a place; `None` where there is no map of them.
     #[inline]
     pub fn decide(
         &self,

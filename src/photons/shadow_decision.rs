@@ -1,14 +1,14 @@
-//! Whether a light is seen whole, in part or not at all, with a bound on the error.
+//! Decides from photons whether a light is fully visible, partly visible or hidden, with a bound on the error.
 //!
-//! The photons that one light sends to the surface around a point are independent samples of its light there, each
-//! stopped on its way or not. If a share `p` of that light were stopped, `n` photons would all arrive with probability
-//! `(1 - p)^n`. So `n` photons of one kind say, with confidence `1 - (1 - p)^n`, that less than `p` of the light is of
-//! the other: the exact (Clopper-Pearson) bound for no event among `n`. [`PHOTONS`] photons make that
-//! [`LARGEST_UNSEEN_SHARE`] with confidence [`CONFIDENCE`]; a share of 2 % goes unseen once in 10⁴, one of 3 % once in
-//! 10⁶.
+//! The photons that one light sends to the surface around a point are independent samples of its light there, and each
+//! of them is either stopped on its way or not. If a share `p` of that light were stopped, `n` photons would all arrive
+//! with probability `(1 - p)^n`. So `n` photons of one class show, with confidence `1 - (1 - p)^n`, that less than `p`
+//! of the light is of the other class: the exact (Clopper-Pearson) bound for no event among `n`. For [`PHOTONS`]
+//! photons that share is [`LARGEST_UNSEEN_SHARE`] with confidence [`CONFIDENCE`]; a share of 2 % is missed once in 10⁴,
+//! one of 3 % once in 10⁶.
 //!
-//! What may go unseen: a shadow that takes less than that share from the surface within the radius of those photons. For
-//! a straight and wholly dark strip through the middle of that disc this means a width below `0.8 %` of its diameter.
+//! A shadow may be missed if it takes less than that share from the surface within the radius of those photons. For a
+//! straight and fully dark strip through the middle of that disc this means a width below `0.8 %` of its diameter.
 
 use super::kd_tree::{KdTree, Point};
 use super::map::{NearestOne, index_of};
@@ -18,49 +18,49 @@ use super::{Photon, PhotonClass, PhotonMap, Query, Scratch};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Share of a light's contribution to the medium_stack of a point that may be blocked (or seen) unnoticed.
+/// Share of a light's contribution around a point that may be blocked (or visible) without being noticed.
 pub const LARGEST_UNSEEN_SHARE: f64 = 0.01;
 
-/// Probability, at least, that such a share is noticed.
+/// Least probability that such a share is noticed.
 pub const CONFIDENCE: f64 = 0.99;
 
 /// Photons that must agree: the smallest `n` with `(1 - share)^n <= 1 - confidence`.
 const PHOTONS: usize = 459;
 
-/// One in so many photons becomes a place where a decision is stored.
+/// One in this number of photons becomes a place where a decision is stored.
 const STRIDE: usize = 8;
 
-/// Least cosine between the normals of a place and of the decision read there: 25 degrees.
+/// Least cosine between the normals of a place and of the decision that is used there: 25 degrees.
 const MIN_NORMAL_COS: f32 = 0.906;
 
-/// What photons say about the light at a point.
+/// Visibility of a light at a point, as the photons show it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShadowDecision {
-    /// Nothing is in the way.
+    /// The light is fully visible.
     Lit,
-    /// Something is in the way of all of it.
+    /// The light is fully hidden.
     Shadow,
-    /// Direct and shadow photons meet here: a shadow ray must tell.
+    /// Direct and shadow photons are mixed here: a shadow ray must decide.
     Mixed,
-    /// Too few photons to say: a shadow ray must tell.
+    /// Too few photons for a decision: a shadow ray must decide.
     TooFew,
 }
 
-/// Decisions at places of one light's photons.
+/// Decisions at some of the photons of one light.
 ///
-/// At a place `c` the nearest [`PHOTONS`] photons of one class, on the same surface and facing alike, lie within `r`, and
-/// the nearest of the other class at `d`. The sphere of radius `r + x` around a point at distance `x` from `c` holds
-/// those photons and lies within `r + 2 x` of `c`: while that is below `d` it holds none of the other class. So what holds
-/// at `c` holds at all points within `(d - r) / 2`.
+/// At a place `c` the nearest [`PHOTONS`] photons of one class, on the same surface and facing alike, lie within `r`,
+/// and the nearest of the other class at `d`. The sphere of radius `r + x` around a point at distance `x` from `c`
+/// holds those photons and lies within `r + 2 x` of `c`: while that is below `d` it holds none of the other class. So
+/// the decision at `c` is valid for all points within `(d - r) / 2`.
 #[derive(Debug)]
 pub(super) struct DecisionMap {
     tree: KdTree<LEAF>,
-    /// Surface, and how far the decision reaches.
+    /// Surface, and validity radius of the decision.
     places: Vec<(u32, f32)>,
     largest_reach: f32,
 }
 
-/// Points in a leaf: few, since a search wants one.
+/// Points in a leaf: few, since a search looks for one point only.
 const LEAF: usize = 8;
 
 #[derive(Clone, Copy)]
@@ -94,12 +94,12 @@ impl DecisionMap {
         let groups: Vec<&[(u32, u32)]> = by_surface.chunk_by(|a, b| a.0 == b.0).collect();
         let mut places = Vec::new();
         for group in groups {
-            // Too few even if they all agree: each is one of those around itself, and does not count.
+            // Too few even if all agree: a photon does not count in the decision at its own place.
             if group.len() <= PHOTONS {
                 continue;
             }
             let photons: Vec<Photon> = group.iter().map(|&(_, i)| traced.photons[i as usize]).collect();
-            // Every eighth in the order in which they were traced, which is random.
+            // Every eighth photon in the order of tracing, which is random.
             let centers: Vec<Photon> = photons.iter().step_by(STRIDE).copied().collect();
             let map = PhotonMap::build(photons, 1);
             let surface = group[0].0;
@@ -122,7 +122,7 @@ impl DecisionMap {
         }
     }
 
-    /// What holds at a place of `surface` with the unit geometric `normal` on the side that is looked at.
+    /// The decision for a place of `surface` with the unit geometric `normal` on the side that is looked up.
     #[inline]
     pub(super) fn decide(&self, position: Vec3, normal: Vec3, surface: u32) -> ShadowDecision {
         let acceptance = Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL);
@@ -151,7 +151,7 @@ impl DecisionMap {
     }
 }
 
-/// How far around `center` what its own class says holds; zero where the classes mix or photons are too few.
+/// Validity radius of the class of `center` around it; zero where the classes mix or photons are too few.
 fn reach(map: &PhotonMap, center: &Photon, max_radius: f32, scratch: &mut Scratch) -> f32 {
     let (own, other) = match center.class() {
         PhotonClass::Shadow => (PhotonClass::Shadow, PhotonClass::Direct),
@@ -162,7 +162,7 @@ fn reach(map: &PhotonMap, center: &Photon, max_radius: f32, scratch: &mut Scratc
     let agreeing = Query {
         max_radius,
         classes: PhotonClasses::only(own),
-        // The centre is there because it is of its class: it says nothing about that.
+        // The centre was chosen because of its class, so it gives no evidence of the class around it.
         ..Query::nearest(center.position, center.normal(), PHOTONS + 1)
     };
     let found = map.search(&agreeing, scratch);
