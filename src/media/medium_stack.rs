@@ -1,53 +1,57 @@
-//! Bodies that overlap: which of their media fills a place.
+//! The medium stack: bodies that overlap, and which of their media fills a place.
 //!
-//! After Schmidt & Budge, "Simple Nested Dielectrics in Ray Traced Images", Journal of Graphics Tools 7(2), 2002: a ray keeps a
-//! list of the bodies that it is in, and the one of the highest priority decides. A surface of any other body is not there for it.
+//! After Schmidt & Budge, "Simple Nested Dielectrics in Ray Traced Images", Journal of Graphics Tools 7(2), 2002: a ray
+//! keeps a list of the bodies that contain it, and the body of the highest priority fills the place. The surface of any
+//! other body does not affect the ray.
 
 use super::{AIR, Medium, MediumId};
 
-/// Different media whose bodies can overlap at one place. Bodies of one medium are counted, and take no more room however
-/// many they are.
+/// Largest number of different media whose bodies overlap at one place. Bodies of one medium are counted, and take no
+/// more memory however many they are.
 pub const MOST_MEDIA: usize = 16;
 
-/// Bodies of one medium that can overlap at one place.
+/// Largest number of bodies of one medium that overlap at one place.
 const MOST_OF_ONE: u16 = u16::MAX;
 
-/// Bodies around a place, by their media, the one that fills it first. Two bodies of one medium count twice.
+/// The medium stack of a place: the media of the bodies around it, in the order of their ranks; the first one fills the
+/// place. Two bodies of one medium count twice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MediumStack {
-    /// By rank, each once; air after the last.
+    /// By rank, each medium once; air after the last.
     media: [MediumId; MOST_MEDIA],
-    /// Bodies of each.
+    /// Number of bodies of each medium.
     counts: [u16; MOST_MEDIA],
 }
 
-/// What it means for a ray to cross the border between two media.
+/// The result of crossing an interface between two media.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Crossing {
-    /// Where the ray comes from, as the border says.
+    /// Medium stack before the interface, consistent with what the interface states.
     pub before: MediumStack,
-    /// Where it is when it has passed.
+    /// Medium stack after the interface.
     pub after: MediumStack,
-    /// Whether the ray was where the border says: within the body whose border it meets from inside, and within no more
-    /// bodies than are kept.
+    /// Whether the medium stack of the ray fits the interface: it contains the body that the ray leaves, and there is
+    /// room for the body that the ray enters.
     pub fits: bool,
-    /// Whether bodies of more than [`MOST_MEDIA`] media overlap behind the border, so that one of them had to be left out.
+    /// Whether bodies of more than [`MOST_MEDIA`] media overlap behind the interface, so that one of them had to be
+    /// left out.
     pub is_full: bool,
 }
 
 impl Crossing {
-    /// Whether the same medium is on both sides, because another body fills the place: then there is no surface here.
+    /// Whether this is a null interface: the same medium is on both sides, because another body fills the place. There
+    /// is then no surface.
     #[inline]
     pub fn is_hidden(&self) -> bool {
         self.before.medium() == self.after.medium()
     }
 
-    /// This crossing, and then that of a border at the same place.
+    /// This crossing followed by the crossing of another interface at the same place.
     pub fn and(self, near: MediumId, far: MediumId, media: &[Medium]) -> Self {
         let mut next = self.after.crossing(near, far, media);
         let mut before = self.before;
         if near != AIR && next.before != self.after {
-            // The body was around the ray from the start.
+            // The ray was inside this body from the start.
             before.add(near, media);
         }
         next.before = before;
@@ -58,10 +62,10 @@ impl Crossing {
 }
 
 impl MediumStack {
-    /// Within no body.
+    /// The stack inside no body.
     pub const AIR: Self = Self { media: [AIR; MOST_MEDIA], counts: [0; MOST_MEDIA] };
 
-    /// Within one body, or none where that is [`AIR`](super::AIR).
+    /// The stack inside one body, or none for [`AIR`](super::AIR).
     pub fn of(medium: MediumId) -> Self {
         let mut one = Self::AIR;
         if medium != AIR {
@@ -81,19 +85,19 @@ impl MediumStack {
         self.media.iter().copied().take_while(|&id| id != AIR)
     }
 
-    /// Whether a body of this medium is around the place, or the medium is air.
+    /// Whether the place is inside a body of this medium, or the medium is air.
     #[inline]
     pub fn is_within(&self, medium: MediumId) -> bool {
         medium == AIR || self.place_of(medium).is_some()
     }
 
-    /// Whether there is no room for bodies of another medium, or for another body of one.
+    /// Whether there is no room for a body of another medium, or for another body of some medium.
     #[inline]
     pub fn is_full(&self) -> bool {
         self.media[MOST_MEDIA - 1] != AIR || self.counts.contains(&MOST_OF_ONE)
     }
 
-    /// What a ray from here passes at a border that has `near` on its side and `far` on the other.
+    /// The crossing of an interface that has `near` on the side of the ray and `far` on the other.
     pub fn crossing(self, near: MediumId, far: MediumId, media: &[Medium]) -> Crossing {
         let (mut before, mut fits) = (self, true);
         if !self.is_within(near) {
@@ -108,8 +112,8 @@ impl MediumStack {
         Crossing { before, after, fits: fits && has_room, is_full: !has_room }
     }
 
-    /// The media on this and on the other side of such a border, as [`Self::crossing`] has them, without the bodies behind them:
-    /// much less work, where rays ask whether there is a surface.
+    /// The media on both sides of such an interface, as [`Self::crossing`] computes them, without the medium stacks.
+    /// This takes much less work, for rays that only need to know whether there is a surface.
     #[inline]
     pub fn sides(&self, near: MediumId, far: MediumId, media: &[Medium]) -> [MediumId; 2] {
         let filling = |a: MediumId, b: MediumId| match (a, b) {
@@ -122,7 +126,7 @@ impl MediumStack {
         } else if self.is_within(near) {
             self.media[0]
         } else {
-            // The body is around the ray without having been entered, and left here.
+            // The ray was inside the body without having entered it, and leaves it here.
             return [filling(self.media[0], near), filling(self.media[0], far)];
         };
         [self.media[0], filling(left, far)]
@@ -132,7 +136,7 @@ impl MediumStack {
         self.media().position(|other| other == medium)
     }
 
-    /// Adds a body; `false` where that of the highest rank had to go for it, or it itself.
+    /// Adds a body; `false` where the body of the highest rank, which may be the new one, had to be left out.
     fn add(&mut self, body: MediumId, media: &[Medium]) -> bool {
         if let Some(place) = self.place_of(body) {
             let count = &mut self.counts[place];
@@ -172,7 +176,7 @@ mod tests {
     use crate::math::Rgb;
     use crate::sampling::{Rng, Stream};
 
-    /// Air, then media of these ranks.
+    /// Air and media of these ranks.
     fn media(ranks: &[u32]) -> Vec<Medium> {
         let medium =
             |rank| Medium { name: String::new(), ior: 1.0, absorption: Rgb::ZERO, volume: None, rank };
@@ -214,13 +218,13 @@ mod tests {
         let media = media(&ranks);
         let mut rng = Rng::new(1, Stream::Measure, 0);
         for walk in 0..2000 {
-            // Few media, so that bodies of one medium overlap; many, so that the stack is full.
+            // With few media, bodies of one medium overlap; with many, the stack is full.
             let count = if walk % 2 == 0 { 4 } else { media.len() };
             let mut at = MediumStack::AIR;
             for _ in 0..60 {
                 let mut one = || ((rng.next_f32() * count as f32) as usize).min(count - 1) as MediumId;
                 let (near, far) = (one(), one());
-                // Most borders have air on one side.
+                // Most interfaces have air on one side.
                 let (near, far) = match rng.next_f32() {
                     x if x < 0.4 => (AIR, far),
                     x if x < 0.7 => (near, AIR),
@@ -262,7 +266,7 @@ mod tests {
         let of_first = MediumStack::of(1);
         assert_eq!((crossing.before, crossing.after), (of_first, MediumStack::AIR));
         assert!(!crossing.fits && !crossing.is_full);
-        // Into bodies of more media than are kept: the best stay.
+        // Into bodies of more media than the stack holds: those of the least ranks stay.
         let mut at = MediumStack::AIR;
         let last = MOST_MEDIA as MediumId + 1;
         for body in (2..=last).rev() {
@@ -303,7 +307,7 @@ mod tests {
         // Between two bodies of one medium there is nothing.
         let crossing = glass.crossing(1, AIR, &media).and(AIR, 1, &media);
         assert!(crossing.fits && crossing.is_hidden() && crossing.after == glass);
-        // A body that was never entered was around the ray before either border.
+        // A body that was never entered contained the ray before either interface.
         let crossing = MediumStack::AIR.crossing(1, AIR, &media).and(2, AIR, &media);
         assert!(!crossing.fits && crossing.before.medium() == 1 && crossing.before.media().count() == 2);
         assert_eq!(crossing.after, MediumStack::AIR);

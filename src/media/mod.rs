@@ -1,7 +1,8 @@
-//! What fills the space between surfaces.
+//! Media: what fills the space between surfaces.
 //!
-//! [`Medium`] and [`MediumStack`] are media in bodies that may overlap. [`Volume`] with its [`Coefficients`], [`Phase`] and
-//! [`density::Density`] is what scatters in one, and samples the places where light meets it. `docs/media.md` has the formulae.
+//! [`Medium`] is the medium of a body, and [`MediumStack`] resolves bodies that overlap. [`Volume`] with its
+//! [`Coefficients`], [`Phase`] and [`density::Density`] describes a scattering medium, and samples the places where it
+//! scatters light. `docs/media.md` has the formulae.
 
 mod coefficients;
 pub mod density;
@@ -27,16 +28,16 @@ pub use volume::Volume;
 use crate::math::Rgb;
 use std::sync::Arc;
 
-/// Index of a medium in its scene; 0 is air. Rays carry many of them, so they are small.
+/// Index of a medium in its scene; 0 is air. The type is small, because rays carry many of them.
 pub type MediumId = u16;
 
-/// Media that a scene can have, air included.
+/// Largest number of media in a scene, including air.
 pub const MOST_MEDIA_OF_SCENE: usize = MediumId::MAX as usize + 1;
 
-/// The medium that fills space where nothing else is said.
+/// The medium that fills space by default.
 pub const AIR: MediumId = 0;
 
-/// What fills a body.
+/// The medium of a body.
 #[derive(Clone, Debug)]
 pub struct Medium {
     /// Name in the scene file.
@@ -45,9 +46,10 @@ pub struct Medium {
     pub ior: f32,
     /// Absorption coefficient, per unit of render space; zero where there is a `volume`, which has its own.
     pub absorption: Rgb,
-    /// What scatters, absorbs and emits light in it; `None` where nothing scatters.
+    /// Scattering, absorption and emission in the medium; `None` where nothing scatters.
     pub volume: Option<Arc<Volume>>,
-    /// Where bodies overlap, that of the least rank fills the place. No two media have the same.
+    /// Rank of the medium: where bodies overlap, the one with the least rank fills the place. No two media have the
+    /// same rank.
     pub rank: u32,
 }
 
@@ -59,7 +61,7 @@ impl Medium {
         Rgb::new((-depth.x).exp(), (-depth.y).exp(), (-depth.z).exp())
     }
 
-    /// True where nothing is absorbed; a `volume` is not asked.
+    /// True where [`Self::absorption`] is zero; a `volume` is ignored.
     #[inline]
     pub fn is_clear(&self) -> bool {
         self.absorption == Rgb::ZERO

@@ -1,4 +1,4 @@
-//! Light of emitters that a ray meets, and its MIS weight against light sampling.
+//! Emission that a ray meets, and its MIS weight against light sampling.
 
 use super::event::{Event, next_event};
 use crate::lights::{Light, LightId, Receiver};
@@ -7,19 +7,19 @@ use crate::media::MediumStack;
 use crate::scene::{Scene, SurfaceInteraction};
 use glam::Vec3;
 
-/// A ray of which the direction was sampled from a smooth lobe, at a place where lights were sampled as well: light that the ray meets
-/// is weighted against that.
+/// The place and density of a ray whose direction was sampled from a smooth lobe, at a place where lights were sampled
+/// as well. Emission that the ray meets gets an MIS weight against light sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct MisPartner {
-    /// The place, as lights see it.
+    /// The place, as a receiver of light.
     pub from: Receiver,
     /// Density of the direction per solid angle.
     pub pdf: f32,
 }
 
 impl MisPartner {
-    /// MIS weight of light that the ray found of the light `id`; `pdf_of_light` is the density per solid angle of that light's own
-    /// samples, seen from a place.
+    /// MIS weight of emission by the light `id` that the ray meets; `pdf_of_light` is the density per solid angle with
+    /// which that light is sampled from a receiver.
     #[inline]
     fn weight(self, scene: &Scene, id: LightId, pdf_of_light: impl FnOnce(Receiver) -> f32) -> f32 {
         let choice = scene.light_choice().probability(&self.from, id);
@@ -37,7 +37,8 @@ pub fn power_heuristic(pdf: f32, other: f32) -> f32 {
     1.0 / (1.0 + ratio * ratio)
 }
 
-/// A hit as lights see it: with its normal where it only reflects, so that lights behind it are not sampled.
+/// A hit as a receiver of light. It has a normal only if it does not transmit, so that lights behind it are not
+/// sampled.
 #[inline]
 pub fn receiver(scene: &Scene, hit: &SurfaceInteraction) -> Receiver {
     let transmits = scene.material(hit).medium_on(true).is_some();
@@ -45,8 +46,8 @@ pub fn receiver(scene: &Scene, hit: &SurfaceInteraction) -> Receiver {
     Receiver { position: hit.point.position, normal }
 }
 
-/// Radiance that a surface emits towards `hit.wo`, with its MIS weight where the ray has a `partner`, and times the `factor` of the light.
-/// Zero where the surface emits nothing.
+/// Radiance that a surface emits towards `hit.wo`, with its MIS weight where the ray has a `partner`, times the
+/// `factor` of the light. Zero where the surface emits nothing.
 #[inline]
 pub fn emitted(
     scene: &Scene,
@@ -67,7 +68,7 @@ pub fn emitted(
     if weighted == Rgb::ZERO { weighted } else { weighted * factor(id) }
 }
 
-/// Radiance from outside the scene along the unit `direction` of a ray that meets nothing, as [`emitted`].
+/// Radiance from outside the scene along the unit `direction` of a ray that leaves it, weighted as in [`emitted`].
 #[inline]
 pub fn escaped(
     scene: &Scene,
@@ -80,7 +81,7 @@ pub fn escaped(
     })
 }
 
-/// Radiance of emitters alone along a ray of unit direction that starts within the bodies of `medium`.
+/// Emission along a ray of unit direction that starts within the bodies of `medium`, without reflected light.
 pub fn emission_along(scene: &Scene, ray: &Ray, mut medium: MediumStack) -> Rgb {
     match next_event(scene, ray, &mut medium) {
         Event::Medium(_) => Rgb::ZERO,

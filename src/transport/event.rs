@@ -1,4 +1,4 @@
-//! The event in which a ray ends.
+//! The event that ends a ray.
 
 use super::media::Collision;
 use super::visibility::attenuation_of;
@@ -6,31 +6,31 @@ use crate::math::{Ray, Rgb};
 use crate::media::MediumStack;
 use crate::scene::{Scene, SurfaceInteraction};
 
-/// Where a ray ends.
+/// End of a ray.
 #[derive(Clone, Copy, Debug)]
 pub enum Event<'a> {
-    /// At a surface.
+    /// The ray meets a surface.
     Surface(Arrival),
-    /// Where a medium scatters it; only in scenes whose media scatter ([`super::next_event_in_media`]).
+    /// A medium scatters the light; only in scenes with scattering media ([`super::next_event_in_media`]).
     Medium(Collision<'a>),
-    /// Nowhere: it leaves the scene.
+    /// The ray leaves the scene.
     Escape,
 }
 
 /// A ray that arrived at a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrival {
-    /// The surface. Its distance is that of the whole way, null interfaces included.
+    /// The surface. Its distance is that of the whole path from the start of the ray, across null interfaces.
     pub hit: SurfaceInteraction,
-    /// Whether null interfaces were passed on the way: borders of bodies that another body fills. Shadow rays end there, so light
+    /// Whether the ray passed null interfaces, where one medium fills both sides. Shadow rays end there, so light
     /// sampling does not compete with such a ray.
     pub passed_null_interface: bool,
-    /// Share of the radiance, or of a photon's power, that the medium left on the way; `None` where it is clear.
+    /// Transmittance of the medium on the way, for radiance or the power of a photon; `None` where the medium is clear.
     pub transmittance: Option<Rgb>,
 }
 
 impl Arrival {
-    /// Takes from a throughput what the medium absorbed on the way.
+    /// Multiplies a throughput by the transmittance of the medium.
     #[inline]
     pub fn attenuate(&self, throughput: &mut Rgb) {
         if let Some(transmittance) = self.transmittance {
@@ -39,7 +39,8 @@ impl Arrival {
     }
 }
 
-/// The event in which a ray of unit direction ends that starts within the bodies of `medium`, which is then what the ray arrives in.
+/// The event that ends a ray of unit direction which starts within the bodies of `medium`. On return, `medium` is the
+/// stack in which the ray arrives.
 #[inline]
 pub fn next_event(scene: &Scene, ray: &Ray, medium: &mut MediumStack) -> Event<'static> {
     debug_assert!(!scene.scatters(), "media that scatter end rays as well");

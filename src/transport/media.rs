@@ -1,4 +1,4 @@
-//! Events and transmittance where media scatter.
+//! Events and transmittance in scattering media.
 
 use super::event::{Arrival, Event};
 use super::visibility::attenuation_of;
@@ -9,66 +9,70 @@ use crate::sampling::{Rng, Stream, mix};
 use crate::scene::{Scene, SurfaceInteraction};
 use glam::{DVec3, Vec3};
 
-/// Null interfaces on one way; a ray that meets more does not get on.
+/// Largest number of null interfaces that a ray passes; it ends without light if it meets more.
 const MOST_INTERFACES: u32 = 1000;
 
-/// A stretch of a ray within one medium that scatters.
+/// A segment of a ray within one scattering medium.
 #[derive(Clone, Copy, Debug)]
 pub struct Stretch<'a> {
-    /// The line, from where the stretch begins.
+    /// The line, from the start of the stretch.
     pub line: Line,
-    /// Length of the stretch; infinite where nothing ends it.
+    /// Length of the stretch; infinite where it has no end.
     pub length: f64,
     /// The medium.
     pub volume: &'a Volume,
-    /// The bodies around.
+    /// The medium stack.
     pub medium: MediumStack,
-    /// What is left of the light of the stretch where the ray starts, over the density of getting there.
+    /// Weight of light from the stretch at the start of the ray: the transmittance so far over the density of reaching
+    /// the stretch.
     pub weight: Rgb,
-    /// For estimates of transmittance.
+    /// Generator for estimates of transmittance.
     pub rng: Rng,
 }
 
 impl Stretch<'_> {
-    /// How distances on the stretch are sampled for a light at `anchor`, if it has a place, in a path of this throughput.
+    /// Distances on the stretch to sample for a light at `anchor`, if the light has a position, in a path of this
+    /// throughput.
     pub fn distances(&self, anchor: Option<DVec3>, throughput: Rgb) -> Option<Distances> {
         let extinction = self.volume.coefficients().extinction();
         Distances::new(&self.line, anchor, (0.0, self.length), extinction, throughput)
     }
 }
 
-/// Where a medium scatters light.
+/// A scattering event in a medium.
 #[derive(Clone, Copy, Debug)]
 pub struct Collision<'a> {
-    /// The stretch that it is on, and how far from its start.
+    /// The stretch in which it happens.
     pub stretch: Stretch<'a>,
-    /// Distance from there.
+    /// Distance from the start of the stretch.
     pub t: f64,
     /// Place, render space.
     pub position: Vec3,
-    /// Distance from where the ray started.
+    /// Distance from the start of the ray.
     pub distance: f32,
     /// Phase function there.
     pub phase: Phase,
 }
 
-/// A ray's way through media up to its event.
+/// The passage of a ray through media up to its event.
 #[derive(Clone, Copy, Debug)]
 pub struct Passage<'a> {
-    /// The event in which it ends.
+    /// The event that ends the ray.
     pub event: Event<'a>,
-    /// What the throughput of the path is to be multiplied with: transmittance over the density of the event, times the albedo where that
-    /// is a scattering.
+    /// Factor on the throughput of the path: transmittance over the density of the event, times the albedo for a
+    /// scattering event.
     pub weight: Rgb,
     /// Radiance that the media themselves add to the ray, W/(m^2 sr) times the power factor of render space.
     pub emitted: Rgb,
 }
 
-/// The event in which a ray of unit direction ends, in a scene whose media scatter ([`Scene::scatters`]), as
-/// [`super::next_event`] elsewhere. `throughput` is that of the path so far, `u` a uniform variate of the path. Each stretch within a medium
-/// that scatters is shown to `pass`, up to its end, wherever the ray collides.
+/// The event that ends a ray of unit direction in a scene with scattering media ([`Scene::scatters`]);
+/// [`super::next_event`] does this for other scenes. `throughput` is that of the path so far, `u` a uniform random
+/// number of the path. `pass` receives each stretch within a scattering medium up to its far end, wherever the ray
+/// collides.
 ///
-/// Interfaces between media of one index, of which one scatters, are null interfaces: the border of a fog is no surface.
+/// Interfaces between media of the same index of refraction, of which one scatters, are null interfaces: the boundary
+/// of a fog is no surface.
 pub fn next_event_in_media<'a>(
     scene: &'a Scene,
     ray: &Ray,
@@ -121,7 +125,7 @@ pub fn next_event_in_media<'a>(
     Passage { event: Event::Escape, weight: Rgb::ZERO, emitted }
 }
 
-/// The first surface along a ray, whatever scatters before it.
+/// The first surface along a ray; scattering before it is ignored.
 pub fn first_surface(scene: &Scene, ray: &Ray, mut medium: MediumStack) -> Option<SurfaceInteraction> {
     let (mut ray, mut passed) = (*ray, 0.0);
     for _ in 0..MOST_INTERFACES {
@@ -137,13 +141,13 @@ pub fn first_surface(scene: &Scene, ray: &Ray, mut medium: MediumStack) -> Optio
     None
 }
 
-/// Share of the radiance that passes over a segment, or a ray to infinity, within the bodies of `medium` at its start: an unbiased estimate.
-/// `None` where a surface is between.
+/// Transmittance of a segment, or of a ray to infinity, that starts within the bodies of `medium`: an unbiased
+/// estimate. `None` where a surface is in between.
 pub fn transmittance_in_media(scene: &Scene, segment: &Ray, mut medium: MediumStack) -> Option<Rgb> {
     let (line, length) = Line::from_ray(segment)?;
     let mut rng = rng_of(segment, 0.0);
     let direction = line.direction().as_vec3();
-    // The end lies off its own surface by less than rounding of the length may be.
+    // The end is offset from its own surface by less than the possible rounding of the length.
     let mut left = length as f32 * (1.0 - 4.0 * f32::EPSILON);
     let mut ray = Ray { t_max: left, ..Ray::new(segment.origin, direction) };
     let mut weight = Rgb::ONE;
@@ -169,7 +173,8 @@ pub fn transmittance_in_media(scene: &Scene, segment: &Ray, mut medium: MediumSt
     None
 }
 
-/// A generator for the media along a ray: of the ray, so that whatever it meets shifts no other random number.
+/// A generator for the media along a ray. It depends on the ray alone, so that no event on the way shifts any other
+/// random number.
 fn rng_of(ray: &Ray, u: f32) -> Rng {
     let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
     let (o, d) = (ray.origin, ray.direction);

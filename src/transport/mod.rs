@@ -1,7 +1,7 @@
-//! What every walk through a scene has in common, whether it carries radiance from the camera, importance or photons: the event in which
-//! a ray ends, the light of an emitter that it meets with its MIS weight, and how much of the light of a source arrives.
+//! Operations shared by all random walks through a scene, whether they carry radiance from the camera, importance or
+//! photons: the event that ends a ray, emission with its MIS weight, and the transmittance of light samples.
 //!
-//! Uses the scene, its lights and media; knows no photon map and no integrator.
+//! This module uses the scene, its lights and media; it contains no photon map and no integrator.
 
 mod emission;
 mod event;

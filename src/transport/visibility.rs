@@ -1,4 +1,4 @@
-//! How much of the light of a source arrives at a surface: what lies between, and what the medium absorbs.
+//! Visibility and transmittance of light samples: occlusion by surfaces and absorption by the medium.
 
 use super::media::transmittance_in_media;
 use crate::lights::LightSample;
@@ -15,8 +15,9 @@ pub fn shadow_ray(hit: &SurfaceInteraction, sample: &LightSample) -> Ray {
     }
 }
 
-/// Share of the radiance of a light sample that arrives at a surface through the bodies of `medium`; `None` where a surface is between,
-/// a transparent one as well: what comes through that is a caustic. Null interfaces of media that scatter are passed.
+/// Share of the radiance of a light sample that arrives at a surface through the bodies of `medium`. `None` where a
+/// surface is in between, even a transparent one: light through it is a caustic. Null interfaces of scattering media
+/// are passed.
 #[inline]
 pub fn transmittance(
     scene: &Scene,
@@ -34,13 +35,13 @@ pub fn transmittance(
     Some(attenuation(scene, medium, sample.distance))
 }
 
-/// Share of the radiance that is left after `distance` (render space) within the bodies of `medium`.
+/// Transmittance over `distance` (render space) within the bodies of `medium`.
 #[inline]
 pub fn attenuation(scene: &Scene, medium: &MediumStack, distance: f32) -> Rgb {
     attenuation_of(scene.medium(medium.medium()), distance).unwrap_or(Rgb::ONE)
 }
 
-/// `None` where the medium is clear.
+/// Transmittance of a medium over `distance`; `None` where it is clear.
 #[inline]
 pub(super) fn attenuation_of(medium: &Medium, distance: f32) -> Option<Rgb> {
     (!medium.is_clear()).then(|| medium.transmittance(distance))
