@@ -5,48 +5,49 @@ use crate::sampling::Rng;
 use glam::{DVec2, DVec3, Mat3, Vec2, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// What a ray brought.
+/// Result of one ray of a hemisphere.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen {
-    /// Radiance that arrives.
+    /// Incident radiance.
     pub radiance: Rgb,
     /// Distance of the first surface; infinite where there is none.
     pub nearest: f32,
-    /// Length of the whole way, through specular surfaces, to what sends the radiance: by it what is seen shifts when the
-    /// eye moves. Infinite where there is nothing.
+    /// Length of the whole path, through specular surfaces, to the source of the radiance: it determines how far the
+    /// source appears to shift when the eye moves. Infinite where there is nothing.
     pub distance: f32,
 }
 
 impl Seen {
-    /// A direction from which nothing comes.
+    /// A direction without light or surfaces.
     pub const NOTHING: Self = Self { radiance: Rgb::ZERO, nearest: f32::INFINITY, distance: f32::INFINITY };
 }
 
-/// Irradiance at a place, how it changes around it, and how far away what it comes from is.
+/// Irradiance at a place, its gradients, and the distances of the surfaces around.
 #[derive(Clone, Copy, Debug)]
 pub struct Irradiance {
     /// Irradiance in W m^-2, cosine included.
     pub value: Rgb,
     /// Translational gradient: change of irradiance for each unit of length along x, y, z, as columns. Zero along z.
     pub shift: Mat3,
-    /// Rotational gradient: change for each unit by which the tip of the normal moves along x, y, z. Ward & Heckbert write
-    /// the same with the axis of the rotation in place of the way of the tip. Zero along z.
+    /// Rotational gradient: change of irradiance for each unit by which the tip of the normal moves along x, y, z. Ward
+    /// & Heckbert write the same with the axis of the rotation instead of the displacement of the tip. Zero along z.
     pub tilt: Mat3,
     /// Harmonic mean of the distances to the first surfaces, over directions in proportion to their cosine.
     pub harmonic: f32,
-    /// The least of them.
+    /// The least of these distances.
     pub nearest: f32,
 }
 
 impl Irradiance {
-    /// The same with its gradients turned from a local frame into the space in which `frame` has these axes as columns.
+    /// The same with its gradients rotated from a local frame into the space in which `frame` has these axes as
+    /// columns.
     pub fn turned(self, frame: Mat3) -> Self {
         Self { shift: self.shift * frame.transpose(), tilt: self.tilt * frame.transpose(), ..self }
     }
 }
 
-/// Strata of a hemisphere, each of which holds the same share of the cosine-weighted solid angle: rows of polar angle
-/// by columns of azimuth. One ray for each, and further ones for those that most light is expected from.
+/// Strata of a hemisphere, each with the same share of the cosine-weighted solid angle: rows of polar angle by columns
+/// of azimuth. One ray goes to each stratum, and further rays to those from which most light is expected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hemisphere {
     rows: usize,
@@ -54,11 +55,11 @@ pub struct Hemisphere {
     further: usize,
 }
 
-/// Steps of the points of one stratum, which spread over it evenly, however many they are: Roberts, "The Unreasonable
+/// Step of the points within a stratum, which spreads any number of them evenly: Roberts, "The Unreasonable
 /// Effectiveness of Quasirandom Sequences" (2018), powers of the inverse of the plastic number.
 const LATTICE: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
 
-/// One stratum: what is seen there, and the inverse of its distance.
+/// One stratum: its mean radiance, and the mean inverse of the distance.
 #[derive(Clone, Copy, Default)]
 struct Cell {
     radiance: DVec3,
@@ -66,7 +67,8 @@ struct Cell {
 }
 
 impl Hemisphere {
-    /// About so many strata, pi times more columns than rows, as Ward & Heckbert advise; the count of columns is even.
+    /// About `rays` strata, with pi times more columns than rows, as Ward & Heckbert advise; the number of columns is
+    /// even.
     pub fn with_rays(rays: u32) -> Self {
         let rays = f64::from(rays.clamp(4, 1 << 20));
         let rows = ((rays / PI).sqrt().round() as usize).max(1);
@@ -74,7 +76,7 @@ impl Hemisphere {
         Self { rows, columns, further: 0 }
     }
 
-    /// Half of so many rays for strata, the other half to be shared out among them.
+    /// Half of `rays` for the strata; the other half is distributed among them by the expected light.
     pub fn guided(rays: u32) -> Self {
         let even = Self::with_rays(rays / 2);
         Self { further: (rays as usize).saturating_sub(even.strata()), ..even }
@@ -89,7 +91,7 @@ impl Hemisphere {
         self.strata() + self.further
     }
 
-    /// Never.
+    /// Never true.
     pub fn is_empty(&self) -> bool {
         false
     }
@@ -98,14 +100,15 @@ impl Hemisphere {
     #[inline]
     fn direction(&self, stratum: usize, u: Vec2) -> Vec3 {
         let (row, column) = (stratum / self.columns, stratum % self.columns);
-        // Square of the sine: uniform for directions in proportion to their cosine. Below one by more than rounding.
+        // The square of the sine is uniform for cosine-distributed directions. It stays below one by more than
+        // rounding.
         let sin_squared = ((row as f32 + u.x) / self.rows as f32).min(1.0 - f32::EPSILON);
         let azimuth = Vec2::from_angle(std::f32::consts::TAU * (column as f32 + u.y) / self.columns as f32);
         (azimuth * sin_squared.sqrt()).extend((1.0 - sin_squared).sqrt())
     }
 
-    /// Rays of each stratum: one, and of the further ones as many as is in proportion to how much light is `expected` from its
-    /// middle. Shares that are not whole are rounded by systematic sampling.
+    /// Rays of each stratum: one, plus a number of further rays in proportion to the light `expected` from its middle.
+    /// Fractions are rounded by systematic sampling.
     fn share_out(&self, offset: f32, expected: impl Fn(Vec3) -> f32) -> Vec<u32> {
         if self.further == 0 {
             return vec![1; self.strata()];
@@ -115,7 +118,7 @@ impl Hemisphere {
             .map(|share| if share > 0.0 && share.is_finite() { share } else { 0.0 })
             .collect();
         let total: f64 = shares.iter().sum();
-        // Nothing to go by: all alike.
+        // Without any expected light, all strata get the same share.
         let (even, scale) = if total > 0.0 { (0.0, 1.0 / total) } else { (1.0 / shares.len() as f64, 0.0) };
         let mut given = f64::from(offset);
         let further = |share: f64| {
@@ -126,9 +129,9 @@ impl Hemisphere {
         shares.into_iter().map(further).map(|further| 1 + further).collect()
     }
 
-    /// Sends rays through all strata: `look` takes the direction of one around +z and a number in `[0, 1)` for choices on the
-    /// way, and says what it sees. How much light is `expected` from a direction, in any unit, decides where the further
-    /// rays go, and so the noise, not the mean.
+    /// Sends rays through all strata. `look` takes a direction around +z and a number in `[0, 1)` for choices on the
+    /// path, and returns what the ray finds. The light `expected` from a direction, in any unit, decides where the
+    /// further rays go: it affects the noise, not the mean.
     ///
     /// The gradients are those of section 3 of Ward & Heckbert 1992. A uniform hemisphere gives gradients of exactly
     /// zero.
@@ -169,9 +172,9 @@ impl Hemisphere {
         }
     }
 
-    /// Derivatives along x and y by the shift of the borders between strata: as the eye moves by `d`, a border at
-    /// distance `r` moves by `d / r` across the line of sight, and one side gains what the other loses. The nearer of the
-    /// two surfaces has the border.
+    /// Derivatives along x and y from the shift of the boundaries between strata. As the eye moves by `d`, a boundary
+    /// at distance `r` moves by `d / r` across the line of sight, and one side gains what the other loses. The boundary
+    /// has the distance of the nearer of the two surfaces.
     fn shift(&self, cells: &[Cell]) -> [DVec3; 2] {
         let (m, n) = (self.rows, self.columns);
         let mut gradient = [DVec3::ZERO; 2];
@@ -192,7 +195,7 @@ impl Hemisphere {
                 let low = (j as f64 / m as f64).sqrt();
                 let high = ((j + 1) as f64 / m as f64).sqrt();
                 if j > 0 {
-                    // sin cos^2 of the polar angle of the border.
+                    // sin cos^2 of the polar angle of the boundary.
                     outward += border(cell, &cells[(j - 1) * n + k]) * (low * (1.0 - low * low));
                 }
                 across += border(cell, &cells[j * n + before]) * (high - low);
@@ -203,8 +206,8 @@ impl Hemisphere {
         gradient
     }
 
-    /// Derivatives by the tilt of the normal towards x and y: each direction changes by the tangent of its angle, times its
-    /// cosine-weighted share.
+    /// Derivatives by the tilt of the normal towards x and y: the contribution of each direction changes by the tangent
+    /// of its polar angle, times its cosine-weighted share.
     fn tilt(&self, cells: &[Cell]) -> [DVec3; 2] {
         let (m, n) = (self.rows, self.columns);
         // Integral of tan over sin^2.
@@ -215,7 +218,7 @@ impl Hemisphere {
             let mut sum = DVec3::ZERO;
             for j in 0..m {
                 let tangent = primitive((j + 1) as f64 / m as f64) - primitive(j as f64 / m as f64);
-                // Opposite columns together, so that equal ones leave nothing.
+                // Opposite columns are subtracted, so that equal ones cancel exactly.
                 sum += (cells[j * n + k].radiance - cells[j * n + k + n / 2].radiance) * tangent;
             }
             sum *= PI / n as f64;
@@ -288,7 +291,7 @@ mod tests {
                     assert!(direction.z > 0.0);
                     Seen { radiance, nearest: 1.0, distance: 1.0 }
                 });
-                // Systematic sampling gives away all but what rounding of the last share leaves.
+                // Systematic sampling distributes all rays but what the rounding of the last share leaves.
                 assert!(hemisphere.len() - sent <= 1, "{sent} of {hemisphere:?}");
                 assert!(hemisphere.len().abs_diff(rays as usize) <= 1 || rays < 64, "{hemisphere:?}");
                 assert!(found.shift == Mat3::ZERO && found.tilt == Mat3::ZERO);
@@ -300,7 +303,7 @@ mod tests {
 
     #[test]
     fn further_rays_where_light_comes_from_change_the_noise_alone() {
-        // A small bright disc and a dim rest; what is expected is right, nothing of the kind, or wrong.
+        // A small bright disc and a dim rest; the expected light is right, constant, or wrong.
         let centre = Vec3::new(0.6, 0.0, 0.8);
         let look = |direction: Vec3, _: f32| {
             let bright = direction.dot(centre) > 0.99;
@@ -318,7 +321,8 @@ mod tests {
             let mean = sum / count as f64;
             (mean, (squares / count as f64 - mean * mean).sqrt())
         };
-        // The disc has the projected area pi sin^2 cos; all else integrates to pi / 2 but for where the disc is.
+        // The disc has the projected area pi sin^2 cos; the rest integrates to pi / 2, minus the part that the disc
+        // covers.
         let area = PI * (1.0 - 0.99f64.powi(2)) * 0.8;
         let want = 0.5 * PI + area * (50.0 - (0.5 + 0.4 * 0.6 * 0.995));
         let even = spread(Hemisphere::with_rays(256), &|_| 1.0);
@@ -339,7 +343,7 @@ mod tests {
         0.5 * PI * (1.0 - z / (z * z + 4.0 * r * r).sqrt())
     }
 
-    /// Looks up from `(x, 0, 0)` at that disc, around which there is nothing.
+    /// Ray from `(x, 0, 0)` to that disc, around which there is nothing.
     fn look_at_disc(x: f64, h: f64, radius: f64) -> impl Fn(Vec3, f32) -> Seen {
         move |direction, _| {
             let d = direction.as_dvec3();

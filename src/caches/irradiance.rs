@@ -1,4 +1,4 @@
-//! The cache: records, how far each reaches, and the interpolation between them.
+//! The irradiance cache: records, their radii, and the interpolation between them.
 
 use super::hemisphere::Irradiance;
 use super::neighbours::Neighbours;
@@ -7,26 +7,27 @@ use crate::math::Rgb;
 use crate::media::MediumStack;
 use glam::{Mat3, Vec3};
 
-/// How much farther a record reaches when a picture is read from the cache than when the cache is filled, so that places
-/// have several records around them and no record ends with a step. Twice as far a place has four times as many, whose noise
-/// is averaged; beyond that what is gained in noise is lost in detail (docs/results.md).
+/// Ratio of the radius of a record when a picture is read from the cache to its radius when the cache is filled. With
+/// overlap, places have several records around them and no record ends with a step. At twice the radius a place has
+/// four times as many records, whose noise is averaged. At larger ratios the loss of detail exceeds the gain in noise
+/// (docs/results.md).
 const OVERLAP: f32 = 2.0;
 
-/// The least of that where other surfaces limit how far a record is read.
+/// The least ratio, where other surfaces limit the radius of a record.
 const LEAST_OVERLAP: f32 = 1.4;
 
-/// Least reach of a record in pixels, and as a share of the scene's radius; the smaller of the two counts. Near other surfaces
-/// half of that is enough.
+/// Least radius of a record in pixels, and as a share of the scene's radius; the smaller of the two counts. Near other
+/// surfaces half of that is enough.
 const LEAST_REACH: (f32, f32) = (2.0, 0.02);
 
-/// Largest reach of a record, in the same measures.
+/// Largest radius of a record, in the same units.
 const LARGEST_REACH: (f32, f32) = (20.0, 0.2);
 
-/// Height over or under the plane of a record, as a share of its reach while the cache is filled, from which on a place is
-/// another surface.
+/// Height above or below the plane of a record from which on a place counts as another surface, as a share of the
+/// record's radius while the cache is filled.
 const LARGEST_STEP: f32 = 0.14;
 
-/// How a cache is filled and read.
+/// Settings of a cache.
 #[derive(Clone, Copy, Debug)]
 pub struct CacheSettings {
     /// Largest error of an interpolation after Ward, Rubinstein & Clear 1988, their `a`: distance over harmonic mean
@@ -43,9 +44,9 @@ pub struct Place {
     pub position: Vec3,
     /// Unit shading normal, on the side that is lit.
     pub normal: Vec3,
-    /// What the place lies in.
+    /// Medium stack at the place.
     pub medium: MediumStack,
-    /// Side of a pixel as projected there.
+    /// Side of a pixel projected to the place.
     pub footprint: f32,
 }
 
@@ -58,22 +59,23 @@ pub struct Record {
     pub irradiance: Irradiance,
 }
 
-/// What decides whether a record is used at a place.
+/// The domain of a record: what decides whether it is used at a place.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     position: Vec3,
     radius: f32,
-    /// Distance of the nearest surface it saw, or its neighbours know of: within that nothing is between it and a place.
+    /// Distance of the nearest surface that the record or its neighbours saw: up to this distance nothing is between
+    /// the record and a place.
     open: f32,
     normal: Vec3,
     medium: MediumStack,
 }
 
-/// Which records reach a place.
+/// Search structure for the records that cover a place.
 #[derive(Clone, Debug)]
 struct Reaches {
     settings: CacheSettings,
-    /// By how much farther they reach than the error allows: [`OVERLAP`] where the cache is read, one where it is filled.
+    /// Factor on the radius that the error allows: [`OVERLAP`] where the cache is read, one where it is filled.
     overlap: f32,
     tree: Octree,
     all: Vec<Reach>,
@@ -82,7 +84,7 @@ struct Reaches {
 impl Reaches {
     fn new(settings: CacheSettings, overlap: f32) -> Self {
         let (centre, radius) = settings.bounds;
-        // Larger than the scene by what rounding may do to a hit on its border.
+        // Larger than the scene by a margin for the rounding of hits on its boundary.
         Self { settings, overlap, tree: Octree::new(centre, radius * 1.01), all: Vec::new() }
     }
 
@@ -95,7 +97,7 @@ impl Reaches {
         self.tree.insert(index, (position, radius), sphere_of);
     }
 
-    /// Whether a record reaches a place.
+    /// Whether any record covers a place.
     fn covers(&self, position: Vec3, normal: Vec3, medium: MediumStack) -> bool {
         self.tree
             .at(position)
@@ -103,8 +105,8 @@ impl Reaches {
             .any(|&index| self.relative_error(&self.all[index as usize], position, normal, medium).is_some())
     }
 
-    /// Error of the record at a place in units of the largest; `None` where it is more than one, or the record is of another
-    /// surface.
+    /// Error of the record at a place in units of the largest allowed error; `None` where it exceeds one, or the record
+    /// belongs to another surface.
     #[inline]
     fn relative_error(
         &self,
@@ -124,14 +126,15 @@ impl Reaches {
         if error >= 1.0 {
             return None;
         }
-        // In front of the record or behind it, as on the next step of a stair. Along a curved surface the mean normal is
-        // at right angles to the way.
+        // Tests whether the place is in front of the record or behind it, as on the next step of a stair. Along a
+        // curved surface the mean normal is at right angles to the offset.
         let step = 0.5 * offset.dot(normal + reach.normal);
         (step.abs() * self.overlap <= LARGEST_STEP * reach.radius).then_some(error)
     }
 
-    /// How far a record reaches: by the error allowed, within limits of what a pixel shows; and when it is read, no farther
-    /// than the nearest surface it saw, behind which it knows nothing, but for about a pixel.
+    /// Radius of a record: as large as the error allows, within limits that depend on the pixel size. When the cache is
+    /// read, it is no larger than the distance of the nearest surface the record saw, behind which the record is not
+    /// valid, or about a pixel if that is larger.
     fn radius(&self, place: &Place, harmonic: f32, nearest: f32) -> f32 {
         let limit =
             |(pixels, share): (f32, f32)| (pixels * place.footprint).min(share * self.settings.bounds.1);
@@ -142,7 +145,7 @@ impl Reaches {
     }
 }
 
-/// What is interpolated.
+/// The values that are interpolated.
 #[derive(Clone, Copy, Debug)]
 struct Linear {
     value: Rgb,
@@ -150,7 +153,7 @@ struct Linear {
     tilt: Mat3,
 }
 
-/// Irradiance on Lambertian surfaces, to be interpolated. Immutable; made by [`Filling`].
+/// Irradiance on Lambertian surfaces for interpolation. Immutable; made by [`Filling`].
 #[derive(Clone, Debug)]
 pub struct IrradianceCache {
     reaches: Reaches,
@@ -172,20 +175,20 @@ impl IrradianceCache {
         self.linears.is_empty()
     }
 
-    /// Positions of the records and how far each reaches, in the order in which they were accepted.
+    /// Position and radius of each record, in the order in which they were accepted.
     pub fn reaches(&self) -> impl ExactSizeIterator<Item = (Vec3, f32)> {
         self.reaches.all.iter().map(|reach| (reach.position, reach.radius))
     }
 
-    /// Irradiance in W m^-2, cosine included, at a place with this unit shading normal in this medium; `None` where no
-    /// record reaches it.
+    /// Irradiance in W m^-2, cosine included, at a place with this unit shading normal in this medium stack; `None`
+    /// where no record covers it.
     ///
-    /// Each record is carried to the place by its gradients and weighs less the farther away it is, down to nothing
-    /// where its reach ends (a tent over the error of Ward, Rubinstein & Clear 1988, in place of their inverse, which
-    /// leans on the nearest record and its noise). Never negative. Records that agree give their value to the bit.
+    /// Each record is extrapolated to the place by its gradients. Its weight falls with the error, down to zero at its
+    /// radius (a tent over the error of Ward, Rubinstein & Clear 1988; their inverse of the error would favour the
+    /// nearest record and its noise). The result is never negative. Records that agree give their value to the bit.
     ///
-    /// A record that is farther than the nearest surface it saw, as one may be next to a wall, takes part where `connects` knows a
-    /// free way to it (position, normal).
+    /// A record that is farther away than the nearest surface it saw, as one may be next to a wall, takes part only
+    /// where `connects` finds a free way to it (position, normal).
     #[inline]
     pub fn interpolate(
         &self,
@@ -217,10 +220,11 @@ impl IrradianceCache {
 
     fn push(&mut self, record: &Record, radius: f32, (harmonic, nearest): (f32, f32)) {
         let Irradiance { value, shift, tilt, .. } = record.irradiance;
-        // Where the reach is not what the distances allow but the least there is, the gradient does not hold so far.
+        // Where the least radius replaces the radius that the distances allow, the gradient is not valid up to the
+        // radius.
         let tame = (OVERLAP * self.reaches.settings.error * harmonic / radius).min(1.0);
         let tame = if tame.is_finite() { tame } else { 1.0 };
-        // Nor does a gradient that would take the irradiance below zero within the reach.
+        // Nor is a gradient that would make the irradiance negative within the radius.
         let steepest = steepest(&shift);
         let limit = |channel: usize| {
             let change = steepest[channel] * tame * radius;
@@ -240,7 +244,7 @@ fn steepest(gradient: &Mat3) -> Vec3 {
     Vec3::new(sum.x.sqrt(), sum.y.sqrt(), sum.z.sqrt())
 }
 
-/// A cache in the making.
+/// A cache that is being filled.
 #[derive(Clone, Debug)]
 pub struct Filling {
     records: Vec<Record>,
@@ -251,7 +255,7 @@ pub struct Filling {
 }
 
 impl Filling {
-    /// Nothing yet.
+    /// An empty cache.
     pub fn new(settings: CacheSettings) -> Self {
         Self {
             records: Vec::new(),
@@ -262,13 +266,14 @@ impl Filling {
         }
     }
 
-    /// Whether a record is needed at a place: no accepted one reaches it.
+    /// Whether a record is needed at a place: no accepted one covers it.
     pub fn wants(&self, place: &Place) -> bool {
         !self.reaches.covers(place.position, place.normal, place.medium)
     }
 
-    /// Numbers of those of `places` that are to be computed: one by one in their order, those that neither an accepted
-    /// record reaches nor, as far as the neighbours let one foresee, one of those chosen before.
+    /// Numbers of those of `places` that are to be computed. They are chosen one by one in order: a place is chosen if
+    /// neither an accepted record covers it, nor one of the places chosen before, whose radius is predicted from its
+    /// neighbours.
     pub fn choose(&self, places: &[Place]) -> Vec<usize> {
         let mut reaches = self.reaches.clone();
         let mut chosen = Vec::new();
@@ -283,7 +288,7 @@ impl Filling {
         chosen
     }
 
-    /// Takes a batch of records in their order, and shortens all reaches by what the neighbours see.
+    /// Inserts a batch of records in order, and reduces all radii to what the neighbours allow.
     pub fn accept(&mut self, batch: impl IntoIterator<Item = Record>) {
         let before = self.records.len();
         let mut all = 0;
@@ -306,7 +311,7 @@ impl Filling {
         self.reaches = reaches;
     }
 
-    /// Count of records that were not finite.
+    /// Number of records that were rejected because they were not finite.
     pub fn rejected(&self) -> u64 {
         self.rejected
     }
@@ -350,7 +355,7 @@ mod tests {
     fn filled(records: impl Iterator<Item = Record>) -> IrradianceCache {
         let mut filling = Filling::new(SETTINGS);
         let records: Vec<Record> = records.collect();
-        // In batches, as reaches are foreseen from earlier ones.
+        // In batches, as radii are predicted from earlier records.
         for batch in records.chunks(50) {
             let places: Vec<Place> = batch.iter().map(|record| record.place).collect();
             filling
@@ -390,7 +395,7 @@ mod tests {
         }
         println!("largest error {worst:?} of {} records", cache.len());
         assert!(worst.0 < 2e-6 && worst.1 > 1e-3, "{worst:?}");
-        // So are irradiances that follow the normal.
+        // Irradiances that follow the normal are exact as well.
         let mut turned = record(Vec3::ZERO, Rgb::ONE);
         turned.irradiance.tilt = Mat3::from_cols(slopes[0], slopes[1], Vec3::ZERO);
         let cache = filled(std::iter::once(turned));
@@ -434,13 +439,13 @@ mod tests {
         let cache = filled(std::iter::once(wall(0.03, Vec3::ZERO)));
         assert!(cache.interpolate(Vec3::X * 0.029, Vec3::Z, IN_AIR, |_, _| true).is_some());
         assert!(cache.interpolate(Vec3::X * 0.031, Vec3::Z, IN_AIR, |_, _| true).is_none());
-        // Next to a wall records reach half as far as the least, where a free way leads.
+        // Next to a wall records have half of the least radius, where there is a free way.
         let cache = filled(std::iter::once(wall(0.001, Vec3::ZERO)));
         for (x, needs_way) in [(0.0009, false), (0.0011, true), (0.0099, true)] {
             assert!(cache.interpolate(Vec3::X * x, Vec3::Z, IN_AIR, |_, _| true).is_some());
             assert_eq!(cache.interpolate(Vec3::X * x, Vec3::Z, IN_AIR, |_, _| false).is_none(), needs_way);
         }
-        // A neighbour that missed the wall learns of it.
+        // A neighbour that missed the wall gets its distance from the record that saw it.
         let mut filling = Filling::new(SETTINGS);
         filling.accept([wall(0.03, Vec3::ZERO), wall(f32::INFINITY, Vec3::Y * 0.06)]);
         let cache = filling.finish();
@@ -465,8 +470,8 @@ mod tests {
         let mut filling = Filling::new(SETTINGS);
         let all: Vec<Place> = places(400, 1).map(place).collect();
         assert!(all.iter().all(|place| filling.wants(place)));
-        // Nothing is known yet of how far the first ones reach, so a few are a start; later batches mend what was foreseen
-        // too far.
+        // The radii of the first records cannot be predicted, so the first batch is small; later batches fill the gaps
+        // that predictions of too large radii left.
         let mut batches = 0;
         loop {
             let chunk = if batches == 0 { &all[..10] } else { &all[..] };

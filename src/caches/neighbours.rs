@@ -4,13 +4,13 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// A place, and a length there that cannot change faster than one moves: the distance of what is seen.
+/// A place, and a length measured there that cannot change faster than the position: the distance of a visible surface.
 pub(super) type Measured = (Vec3, f32);
 
 /// Points in a leaf.
 const LEAF: usize = 8;
 
-/// Lengths where they were measured.
+/// Measured lengths, searchable by position.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Neighbours {
     places: Vec<Measured>,
@@ -28,10 +28,10 @@ impl Neighbours {
         Self { places, order, parts }
     }
 
-    /// The least of all lengths, each plus the distance from `position` to where it was measured: a few rays miss a small
-    /// thing nearby, the hemispheres next to it do not. Infinite where there is none.
+    /// The least of all lengths, each plus the distance from `position` to the place of measurement. A few rays may
+    /// miss a small object nearby that the neighbouring hemispheres find. Infinite where there is no measurement.
     ///
-    /// A function of the set of places alone.
+    /// It depends only on the set of places.
     pub(super) fn least(&self, position: Vec3) -> f32 {
         let mut best = f32::INFINITY;
         let mut node = 0;

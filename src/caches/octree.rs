@@ -1,4 +1,4 @@
-//! Which spheres contain a point: an octree whose leaves list every sphere that overlaps them.
+//! An octree that finds the spheres which contain a point: its leaves list every sphere that overlaps them.
 
 use glam::Vec3;
 
@@ -8,10 +8,10 @@ const LEAF: usize = 12;
 /// Depth at which leaves are no longer divided.
 const DEEPEST: u32 = 18;
 
-/// A leaf whose division would list its spheres so many times over in its parts stays whole: they overlap all of it.
+/// A leaf is not divided if this would list its spheres this many times on average: they overlap all of it.
 const REPEATS: usize = 5;
 
-/// Numbers of spheres by place. A look-up descends to one leaf and finds there every sphere that may contain the point.
+/// Numbers of spheres, by place. A look-up descends to one leaf, which lists every sphere that may contain the point.
 #[derive(Clone, Debug)]
 pub(super) struct Octree {
     centre: Vec3,
@@ -73,7 +73,7 @@ impl Octree {
             }
             Node::Leaf { items, divisible } => {
                 items.push(item);
-                // Tried again each time the leaf has grown by as much.
+                // Division is tried again each time the leaf has grown by this number.
                 (items.len() % LEAF == 0 && depth < DEEPEST && (*divisible || items.len() % (4 * LEAF) == 0))
                     .then(|| items.clone())
             }
@@ -134,7 +134,7 @@ fn child_centre(centre: Vec3, half: f32, child: u32) -> Vec3 {
 
 fn overlaps(centre: Vec3, half: f32, (position, radius): Sphere) -> bool {
     let outside = ((position - centre).abs() - Vec3::splat(half)).max(Vec3::ZERO);
-    // A little more than the radius, for what rounding does to borders.
+    // Slightly more than the radius, as a margin for rounding at boundaries.
     outside.length_squared() <= radius * radius * 1.0001
 }
 
@@ -179,7 +179,7 @@ mod tests {
         }
         assert_eq!(tree.at(Vec3::splat(0.1)).len(), 1000);
         assert!(tree.nodes.len() < 10_000);
-        // Far outside, and nowhere: some leaf all the same.
+        // Positions far outside, or not finite, also lead to some leaf.
         assert!(tree.at(Vec3::splat(-1e30)).len() <= 1000 && tree.at(Vec3::NAN).len() <= 1000);
     }
 }

@@ -225,7 +225,7 @@ struct Flight {
     /// Brightest channel of the power at the start, times the factors of [`chain_roulette`] since.
     started_with: f32,
     medium: MediumStack,
-    /// Surfaces met.
+    /// Number of surfaces met.
     depth: u32,
     /// Length of the current specular chain.
     chain: u32,

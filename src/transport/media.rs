@@ -31,7 +31,7 @@ pub struct Stretch<'a> {
 }
 
 impl Stretch<'_> {
-    /// Distances on the stretch to sample for a light at `anchor`, if the light has a position, in a path of this
+    /// The sampler of distances on the stretch for a light at `anchor`, if the light has a position, in a path of this
     /// throughput.
     pub fn distances(&self, anchor: Option<DVec3>, throughput: Rgb) -> Option<Distances> {
         let extinction = self.volume.coefficients().extinction();
@@ -173,8 +173,8 @@ pub fn transmittance_in_media(scene: &Scene, segment: &Ray, mut medium: MediumSt
     None
 }
 
-/// A generator for the media along a ray. It depends on the ray alone, so that no event on the way shifts any other
-/// random number.
+/// A generator for the media along a ray. It depends on the ray and `u` alone, so that no event on the way shifts any
+/// other random number.
 fn rng_of(ray: &Ray, u: f32) -> Rng {
     let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
     let (o, d) = (ray.origin, ray.direction);
