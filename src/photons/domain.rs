@@ -1,9 +1,10 @@
 //! The visible kernel: the part of an estimate's disc that can be seen from its centre.
 //!
-//! A disc at the foot of a wall reaches behind the wall. Where there is a surface behind it, light leaks; where there is
-//! none, the estimate is too dark. Neither normals nor flattened searches can tell, as the floor on both sides is one
-//! plane. Feeler rays in the tangent plane can: photons they do not reach are left out, and the kernel is normalised
-//! over what is left ("Photon Mapping with Visible Kernel Domains", The Visual Computer, 2018, names the biases).
+//! A disc at the foot of a wall extends behind the wall. If there is a surface behind it, light leaks; if there is
+//! none, the estimate is too dark. Neither normals nor flattened searches can detect this, because the floor on both
+//! sides is one plane. Feeler rays in the tangent plane can. Photons that they do not reach are left out, and the
+//! kernel is normalised over the rest ("Photon Mapping with Visible Kernel Domains", The Visual Computer, 2018, names
+//! the biases).
 
 use super::Kernel;
 use crate::math::Frame;
@@ -13,19 +14,19 @@ use std::sync::LazyLock;
 /// Feeler rays around a point.
 pub const FEELERS: usize = 16;
 
-/// A domain that keeps less than this share of its disc says more about the feelers than about the place.
+/// If the visible share of a disc is smaller than this, the domain depends more on the feelers than on the place.
 const SMALLEST_SHARE: f32 = 0.1;
 
-/// Length of feelers over the radius: of eight, each 22.5 degrees or less from the normal of a straight wall, one meets
-/// every wall that crosses the disc.
+/// Length of the feelers over the radius. With this length, one of eight feelers, each 22.5 degrees or less from the
+/// normal of a straight wall, meets every wall that crosses the disc.
 const STRETCH: f32 = 1.083;
 
-/// Share of the length that all feelers went within which nothing is expected to stand on the surface, not even a right-angled corner between
-/// two feelers: one that is half as far away spreads to both of them. Sharper ones may be missed.
+/// Share of the least length of the feelers within which the surface is assumed to be free of obstacles. A right-angled
+/// corner between two feelers at half the distance would extend to both of them. Sharper corners may be missed.
 const CLEAR_SHARE: f32 = 0.5;
 
-/// Distance from the centre within which a free way is expected to every place of the surface, where no feeler met anything within
-/// `least_reach`.
+/// Distance from the centre within which every place of the surface is assumed visible, where no feeler met anything
+/// within `least_reach`.
 pub(super) fn clear_distance(least_reach: f32) -> f32 {
     CLEAR_SHARE * least_reach
 }
@@ -45,11 +46,11 @@ fn direction(feeler: usize) -> Vec2 {
     }
 }
 
-/// What is the same for every domain.
+/// A sector between two feelers; the same for every domain.
 struct Sector {
-    /// Between its feelers, radians.
+    /// Angle between its feelers, radians.
     angle: f32,
-    /// Directions between them and what each stands for, radians: Gauss-Legendre, as the integrands are smooth.
+    /// Directions between the feelers and their weights, radians: Gauss-Legendre, as the integrands are smooth.
     across: [(Vec2, f32); 3],
 }
 
@@ -77,23 +78,23 @@ fn sector_of(p: Vec2) -> usize {
         (false, false) => 2.0 + along(-y, -x),
         (true, false) => 3.0 + along(x, -y),
     };
-    // NaN at the centre itself, which lies in every sector.
+    // NaN at the centre itself, which lies in every sector and casts to 0.
     ((position * (FEELERS / 4) as f32) as usize).min(FEELERS - 1)
 }
 
-/// What of a disc can be seen from its centre.
+/// Visibility of a disc from its centre.
 #[derive(Clone, Copy, Debug)]
 pub enum Seen {
-    /// All of it.
+    /// The whole disc.
     Whole,
-    /// A part that is worth the name.
+    /// A part of it that is not negligible.
     Part(KernelDomain),
-    /// Next to nothing: what the disc holds belongs to other places.
+    /// A negligible part: the photons in the disc belong to other places.
     Little,
 }
 
 impl Seen {
-    /// The part, where it is neither all nor next to nothing.
+    /// The visible part, where it is neither the whole disc nor negligible.
     pub fn part(&self) -> Option<&KernelDomain> {
         match self {
             Self::Part(domain) => Some(domain),
@@ -101,14 +102,14 @@ impl Seen {
         }
     }
 
-    /// How far one can go from the centre in every direction that was felt; infinite where that is the whole disc, or no
-    /// feeler tells.
+    /// Least free distance from the centre over all feelers; infinite where the whole disc is visible, or where there
+    /// is no domain.
     pub fn least_reach(&self) -> f32 {
         self.part().map_or(f32::INFINITY, KernelDomain::least_reach)
     }
 }
 
-/// What an estimate can learn of the surfaces around its centre.
+/// Queries of an estimate about the surfaces around its centre.
 pub trait Sight {
     /// Which part of the disc of this radius can be seen from the centre.
     fn feel(&mut self, radius: f32) -> Seen;
@@ -119,14 +120,14 @@ pub trait Sight {
     /// Whether [`Self::feel`] sends feelers at all.
     fn feels(&self) -> bool;
 
-    /// Whether something is so close above the centre that feelers within [`Self::feel`] may have missed what is around.
+    /// Whether something is so close above the centre that feelers within [`Self::feel`] may have missed obstacles.
     fn is_covered(&self) -> bool;
 
-    /// Distance along the normal to what the centre faces; infinite where that is farther than `within`.
+    /// Distance along the normal to the surface that the centre faces; infinite where it is farther than `within`.
     fn outlook(&mut self, within: f32) -> f32;
 }
 
-/// Nothing hides photons but what a domain leaves out.
+/// Only the domain hides photons.
 impl<F: FnMut(f32) -> Option<KernelDomain>> Sight for F {
     fn feel(&mut self, radius: f32) -> Seen {
         self(radius).map_or(Seen::Whole, Seen::Part)
@@ -158,9 +159,9 @@ pub struct KernelDomain {
 }
 
 impl KernelDomain {
-    /// What can be seen of a disc of `radius` around a point with this unit `normal`, where `reach` tells how far one can go
-    /// in a unit direction of the tangent plane before something stands in the way; `None` for nothing within the length
-    /// that it is given as well, [`Self::length_for`] the radius.
+    /// The visible part of a disc of `radius` around a point with this unit `normal`. `reach` takes a unit direction of
+    /// the tangent plane and a length, which is [`Self::length_for`] the radius. It returns the distance of the first
+    /// obstacle, or `None` where there is none within the length.
     pub fn feel(normal: Vec3, radius: f32, reach: impl Fn(Vec3, f32) -> Option<f32>) -> Seen {
         let frame = Frame::from_z(normal);
         let length = Self::length_for(radius);
@@ -174,7 +175,7 @@ impl KernelDomain {
             }
             free
         };
-        // Every other one first: where all of those are free, what the others could meet is thin.
+        // Every other feeler first: if all of these are free, the rest could only meet thin objects.
         let even_are_free = (0..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
         let free = even_are_free || (1..FEELERS).step_by(2).fold(true, |_, feeler| feel(feeler));
         if free {
@@ -186,7 +187,7 @@ impl KernelDomain {
         }
     }
 
-    /// Length of feelers in a disc of `radius`: somewhat more.
+    /// Length of feelers in a disc of `radius`: slightly more than the radius.
     pub fn length_for(radius: f32) -> f32 {
         STRETCH * radius
     }
@@ -198,15 +199,15 @@ impl KernelDomain {
         Self { frame: self.frame, radius, reach: self.reach.map(|reach| reach.min(length)) }
     }
 
-    /// How far one can go from the centre in every direction that was felt.
+    /// Least free distance from the centre over all feelers.
     pub fn least_reach(&self) -> f32 {
         self.reach.iter().copied().fold(f32::INFINITY, f32::min)
     }
 
     /// True where the point at `offset` from the centre can be seen from it.
     ///
-    /// Between two feelers the border is the straight line between their ends: exact along a straight wall that both
-    /// meet, and on the near side of one that only one of them meets.
+    /// Between two feelers the boundary is the straight line between their ends. This is exact along a straight wall
+    /// that both meet, and on the near side of a wall that only one of them meets.
     pub fn contains(&self, offset: Vec3) -> bool {
         let p = Vec2::new(offset.dot(self.frame.x), offset.dot(self.frame.y));
         let (a, b) = match self.ends(sector_of(p)) {
@@ -235,7 +236,7 @@ impl KernelDomain {
                 continue;
             };
             for &(d, weight) in across {
-                // Where the ray at this angle meets the line from a to b.
+                // Intersection of the ray at this angle with the line from a to b.
                 let along = b - a;
                 let distance = a.perp_dot(along) / d.perp_dot(along);
                 let share = if distance.is_finite() { (distance / self.radius).clamp(0.0, 1.0) } else { 0.0 };

@@ -1,7 +1,9 @@
-//! The map of a light over all objects, for the global photon map: photons are not sent where there is nothing.
+//! The projection map of a light over all objects, for the global photon map: few photons are sent where there is
+//! nothing.
 //!
-//! Bins are squares of the random numbers that a direction is made of (or, for parallel light, a place on the disc around
-//! the scene): equal squares carry equal flux, so that photons keep equal power wherever there is something to hit.
+//! Bins are squares of the random numbers that determine a direction (or, for parallel light, a place on the disc
+//! around the scene). Equal squares carry equal flux, so that photons keep equal power wherever there is something to
+//! hit.
 
 use super::direction_bins::Cone;
 use crate::lights::AreaLight;
@@ -14,18 +16,18 @@ use std::f32::consts::PI;
 /// Bins along one side of the square.
 const SIDE: usize = 32;
 
-/// Density where there is nothing, relative to where there is something. Not zero: whatever a bound should miss is dimmed
-/// by noise, not lost.
+/// Density where there is nothing, relative to where there is something. It is not zero: an object that a bound missed
+/// is then noisy instead of lost.
 const NOTHING: f64 = 1.0 / 32.0;
 
-/// A map with more of its bins marked than this saves nothing.
+/// A map with a larger share of its bins marked than this saves nothing.
 const WORTH_IT: f64 = 0.75;
 
-/// Which squares of random numbers send photons towards objects.
+/// The squares of random numbers that send photons towards objects.
 #[derive(Clone, Debug)]
 pub(super) struct GlobalProjection {
     choice: Distribution2D,
-    /// Density where there may be something, over that of even squares.
+    /// Density in marked bins, over that of uniform sampling.
     gain: f64,
     /// Column after column.
     #[cfg(test)]
@@ -51,7 +53,7 @@ impl GlobalProjection {
     }
 
     /// For a flat light that emits on one side, whose directions are [`warp::square_to_cosine_hemisphere`] around its
-    /// normal; `None` for others, and where there is something nearly everywhere.
+    /// normal. `None` for others, and where objects are in nearly all directions.
     pub(super) fn of_area(light: &AreaLight, targets: &[Target]) -> Option<Self> {
         let patch = light.patch(false, Vec2::ZERO, Vec2::ONE)?;
         if patch.spread > 0.0 || light.is_two_sided() {
@@ -61,7 +63,7 @@ impl GlobalProjection {
         let cones = cones(patch.center.as_vec3(), patch.radius as f32 * (1.0 + 1e-6), targets);
         Self::new(|corner| {
             let (center, reach) = on_disc(corner);
-            // What a step on the disc becomes on the hemisphere above it.
+            // Converts a step on the disc to the hemisphere above it.
             let distance = center.length().min(1.0);
             let height = |r: f32| (1.0 - r * r).max(0.0).sqrt();
             let (low, high) = (height((distance + reach).min(1.0)), height((distance - reach).max(0.0)));
@@ -72,8 +74,8 @@ impl GlobalProjection {
         })
     }
 
-    /// For a light at a point whose directions are `to_direction` of the square: latitudes of the first coordinate and
-    /// longitudes of the second, as [`warp::square_to_sphere`].
+    /// For a light at a point whose directions `to_direction` computes from the square: latitudes from the first
+    /// coordinate and longitudes from the second, as in [`warp::square_to_sphere`].
     pub(super) fn of_point(
         position: Vec3,
         to_direction: impl Fn(Vec2) -> Vec3,
@@ -102,7 +104,7 @@ impl GlobalProjection {
             .iter()
             .map(|target| {
                 let local = frame.to_local(target.center - center);
-                // How far a disc turned by the spread may move a point.
+                // Largest distance that a rotation by the spread moves a point of the disc.
                 let moved = 2.0 * spread * (local.length() + target.radius);
                 (local.truncate(), target.radius * (1.0 + 1e-5) + 1e-6 * radius + moved)
             })
@@ -113,7 +115,7 @@ impl GlobalProjection {
         })
     }
 
-    /// `u` moved towards objects, and the factor that this puts on the reciprocal of the density.
+    /// Maps `u` towards objects; also returns the factor on the reciprocal of the density.
     #[inline]
     pub(super) fn warp(&self, u: Vec2) -> (Vec2, f32) {
         let ((column, row), probability, rest) = self.choice.sample(u);
@@ -121,19 +123,19 @@ impl GlobalProjection {
         ((corner + rest) / SIDE as f32, 1.0 / (probability * (SIDE * SIDE) as f32))
     }
 
-    /// How many times as many photons go where there may be something as without the map.
+    /// Factor by which the map increases the number of photons in marked bins.
     pub(super) fn gain(&self) -> f64 {
         self.gain
     }
 
-    /// Whether objects may be where `u` leads.
+    /// Whether the bin of `u` is marked.
     #[cfg(test)]
     fn is_marked(&self, u: Vec2) -> bool {
         let bin = (u * SIDE as f32).min(Vec2::splat((SIDE - 1) as f32));
         self.marked[bin.x as usize * SIDE + bin.y as usize]
     }
 
-    /// Share of the bins in which there may be something.
+    /// Share of the bins that are marked.
     #[cfg(test)]
     fn marked_share(&self) -> f64 {
         self.marked.iter().filter(|&&marked| marked).count() as f64 / self.marked.len() as f64
@@ -150,7 +152,7 @@ fn meets(cones: &[Cone], direction: Vec3, chord: f32) -> bool {
     cones.iter().any(|cone| cone.meets(direction, angle))
 }
 
-/// The middle of the bin at `corner` on the unit disc, and how far its points are from there at most.
+/// The middle of the bin at `corner` on the unit disc, and the largest distance of its points from there.
 fn on_disc(corner: Vec2) -> (Vec2, f32) {
     let half = 0.5 / SIDE as f32;
     let reach = warp::DISC_STRETCH as f32 * half * std::f32::consts::SQRT_2;

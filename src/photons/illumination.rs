@@ -1,8 +1,9 @@
-//! Illumination maps: irradiance summed up over the surface of an object that has coordinates (Arvo 1986; Jensen & Christensen
-//! 1995, section 3.2), in place of photons that are kept.
+//! Illumination maps: irradiance accumulated over the surface of an object with coordinates (Arvo 1986; Jensen &
+//! Christensen 1995, section 3.2), instead of stored photons.
 //!
-//! Two levels. The map of *diffuse illumination* has few elements, since gather rays alone read it; each of its elements
-//! that a caustic reaches gets a small map of the *caustic*, fine enough to be shown. Both sides of a surface have their own.
+//! There are two levels. The map of *diffuse illumination* has few elements, since only gather rays read it. Each of
+//! its elements that a caustic reaches gets a small map of the *caustic*, fine enough to be visible. Each side of a
+//! surface has its own maps.
 
 use super::{Photon, PhotonClass};
 use crate::math::Rgb;
@@ -12,17 +13,17 @@ use glam::{DVec2, DVec3, Vec3};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A photon, and the surface that it arrived at.
+/// A photon and the surface where it arrived.
 #[derive(Clone, Copy, Debug)]
 pub struct Deposit {
     /// Index in [`Scene::surfaces`].
     pub surface: u32,
-    /// What arrived.
+    /// The photon.
     pub photon: Photon,
 }
 
-/// Takes those photons out that arrived at surfaces with illumination maps. `surfaces` has the surface of each photon, or is
-/// empty where there is no such surface.
+/// Separates the photons that arrived at surfaces with illumination maps from the others. `surfaces` holds the surface
+/// of each photon, or is empty where no surface has a map.
 pub fn split_deposits(photons: Vec<Photon>, surfaces: &[u32], scene: &Scene) -> (Vec<Photon>, Vec<Deposit>) {
     if surfaces.is_empty() {
         return (photons, Vec::new());
@@ -38,32 +39,33 @@ pub fn split_deposits(photons: Vec<Photon>, surfaces: &[u32], scene: &Scene) -> 
     (kept, deposits)
 }
 
-/// Photons for each element of diffuse illumination, mean over the surface: 18 % noise in what a gather ray reads.
+/// Photons for each element of diffuse illumination, mean over the surface: the irradiance that a gather ray reads has
+/// 18 % noise.
 const PHOTONS_PER_ELEMENT: f64 = 32.0;
 
-/// Elements on a surface, at least and at most.
+/// Least and largest number of elements on a surface.
 const FEWEST: f64 = 16.0;
 const MOST: f64 = 4_194_304.0;
 
-/// Elements of a caustic map along a side of one of diffuse illumination: where no pixel shows the surface ("25 to 100
-/// times" as many in all, section 3.2), and at most.
+/// Elements of a caustic map along one side of an element of diffuse illumination: the number where no pixel shows the
+/// surface ("25 to 100 times" as many in all, section 3.2), and the largest number.
 const UNSEEN_REFINEMENT: u32 = 5;
 const FINEST_REFINEMENT: u32 = 64;
 
-/// How large illumination maps became.
+/// Sizes of the illumination maps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct IlluminationSizes {
-    /// Surfaces that have one.
+    /// Surfaces that have a map.
     pub surfaces: u64,
-    /// Photons summed up.
+    /// Photons accumulated.
     pub photons: u64,
-    /// Elements of diffuse illumination, lit sides alone.
+    /// Elements of diffuse illumination, of lit sides only.
     pub elements: u64,
-    /// Elements that caustic maps everywhere would have.
+    /// Elements of the caustic maps if every element had one.
     pub caustic_elements_everywhere: u64,
-    /// Elements that they have.
+    /// Elements of the caustic maps.
     pub caustic_elements: u64,
-    /// Memory.
+    /// Memory in bytes.
     pub bytes: u64,
 }
 
@@ -78,7 +80,7 @@ pub struct IlluminationMaps {
 #[derive(Debug)]
 struct SurfaceMap {
     shape: Arc<IlluminatedShape>,
-    /// By chart, front and back; `None` where nothing arrived.
+    /// By chart, front and back; `None` where no photon arrived.
     grids: Vec<[Option<Grid>; 2]>,
 }
 
@@ -89,11 +91,11 @@ struct Grid {
     down: u32,
     goes_round: bool,
     kernel: IlluminationKernel,
-    /// Elements of a caustic map along a side.
+    /// Elements of a caustic map along one side.
     refinement: u32,
-    /// By element: all light but caustics.
+    /// By element: all light except caustics.
     diffuse: Vec<Rgb>,
-    /// By element: all light, caustics averaged.
+    /// By element: all light, with the mean of the caustics.
     all: Vec<Rgb>,
     /// By element: number of its caustic map, or [`NO_MAP`].
     small: Vec<u32>,
@@ -103,11 +105,11 @@ struct Grid {
 
 const NO_MAP: u32 = u32::MAX;
 
-/// Elements that a place belongs to, and its weights; the first alone for the box.
+/// The elements that a place belongs to with their weights, and their number: one for the box.
 type Weights = ([(u32, u32, f64); 4], usize);
 
-/// `place` in `[0, 1]^2` over a grid of `across` by `down` elements. Where the kernel reaches over the edge of the surface,
-/// the element at the edge has that share: nothing is lost, and even light stays even.
+/// Weights of `place` in `[0, 1]^2` over a grid of `across` by `down` elements. Where the kernel extends over the edge
+/// of the surface, the element at the edge gets that share: no flux is lost, and uniform light stays uniform.
 fn weights(place: DVec2, across: u32, down: u32, goes_round: bool, kernel: IlluminationKernel) -> Weights {
     let at = place * DVec2::new(f64::from(across), f64::from(down));
     if kernel == IlluminationKernel::Box {
@@ -131,7 +133,7 @@ fn weights(place: DVec2, across: u32, down: u32, goes_round: bool, kernel: Illum
     (all, 4)
 }
 
-/// Sums while photons come in, in `f64` and in their order.
+/// Accumulators for photons, in `f64` and in the order of the photons.
 struct Filling {
     across: u32,
     down: u32,
@@ -158,7 +160,7 @@ impl Filling {
         self.diffuse[(y * self.across + x) as usize] += power;
     }
 
-    /// Element `(x, y)` of all caustic maps side by side; makes the one that it belongs to.
+    /// Adds to element `(x, y)` of all caustic maps side by side; creates the map it belongs to.
     fn add_caustic(&mut self, (x, y): (u32, u32), power: DVec3) {
         let k = self.refinement;
         let element = (y / k * self.across + x / k) as usize;
@@ -173,7 +175,7 @@ impl Filling {
 }
 
 impl Grid {
-    /// Irradiance from flux: `area` is that of the chart, and powers are divided by the photons emitted.
+    /// Converts flux to irradiance by the area of the chart and the number of emitted photons.
     fn finish(filling: Filling, chart: &Chart, kernel: IlluminationKernel, emitted: [u64; 2]) -> Self {
         let Filling { across, down, refinement, diffuse, small, caustic } = filling;
         let each = (refinement * refinement) as usize;
@@ -234,7 +236,7 @@ impl Grid {
     }
 }
 
-/// Elements along both coordinates of a chart for about `count` in all, as square as they can be.
+/// Number of elements along both coordinates of a chart for about `count` in total, as square as possible.
 fn divide(chart: &Chart, count: f64) -> (u32, u32) {
     let lengths = chart.lengths();
     let across = (count * lengths.x / lengths.y).sqrt().round().clamp(1.0, MOST);
@@ -242,8 +244,8 @@ fn divide(chart: &Chart, count: f64) -> (u32, u32) {
     (across as u32, down as u32)
 }
 
-/// Elements of a caustic map along the side of one of diffuse illumination, so that none is larger than `finest`, the
-/// smallest distance between what adjacent pixels see of the surface.
+/// Elements of a caustic map along one side of an element of diffuse illumination, so that none is larger than
+/// `finest`, the smallest distance between the places on the surface that adjacent pixels show.
 fn refine(chart: &Chart, (across, down): (u32, u32), finest: f32) -> u32 {
     if !(finest > 0.0 && finest.is_finite()) {
         return UNSEEN_REFINEMENT;
@@ -253,7 +255,7 @@ fn refine(chart: &Chart, (across, down): (u32, u32), finest: f32) -> u32 {
     (side / f64::from(finest)).ceil().clamp(1.0, f64::from(FINEST_REFINEMENT)) as u32
 }
 
-/// The chart that a place with this normal belongs to: of those that face along the normal, the one that it lies on.
+/// The chart of a place with this normal: the nearest of those that face along the normal.
 fn chart_at(charts: &[Chart], position: DVec3, normal: DVec3) -> usize {
     if charts.len() == 1 {
         return 0;
@@ -267,7 +269,7 @@ fn chart_at(charts: &[Chart], position: DVec3, normal: DVec3) -> usize {
     charts.iter().map(key).enumerate().min_by(by_key).map_or(0, |(index, _)| index)
 }
 
-/// Where a photon, or a look-up, is on a surface.
+/// Chart, side and coordinates of a photon or a look-up on a surface.
 fn place_on(shape: &IlluminatedShape, position: Vec3, normal: Vec3) -> (usize, usize, DVec2) {
     let (position, normal) = (position.as_dvec3(), normal.as_dvec3());
     let index = chart_at(&shape.charts, position, normal);
@@ -277,12 +279,12 @@ fn place_on(shape: &IlluminatedShape, position: Vec3, normal: Vec3) -> (usize, u
 }
 
 impl IlluminationMaps {
-    /// Maps of the photons `global` and `caustic` of the two passes, each with the count emitted. Caustic photons of the
-    /// global pass are left out where there is a caustic pass, whose light it is too.
+    /// Builds the maps from the photons `global` and `caustic` of the two passes, each with the number emitted. If
+    /// there is a caustic pass, caustic photons of the global pass are left out, because they represent the same light.
     ///
-    /// `finest` is, by surface, the smallest distance between the places that adjacent pixels show of it, in render space;
-    /// infinite for what is not seen, and it may be empty. The sums are taken in the photons' order, so the maps are a function
-    /// of the passes and of nothing else.
+    /// `finest` is, by surface, the smallest distance between the places that adjacent pixels show of it, in render
+    /// space. It is infinite for surfaces that are not visible, and the slice may be empty. The sums follow the order
+    /// of the photons, so the maps are a function of the passes alone.
     pub fn build(
         scene: &Scene,
         global: (&[Deposit], u64),
@@ -361,7 +363,7 @@ impl IlluminationMaps {
         Self { maps, sizes }
     }
 
-    /// How large they are.
+    /// Sizes of the maps.
     pub fn sizes(&self) -> IlluminationSizes {
         self.sizes
     }
@@ -378,18 +380,18 @@ impl IlluminationMaps {
         Some(map.grids[index][side].as_ref().map_or(Rgb::ZERO, |grid| read(grid, place)))
     }
 
-    /// Irradiance by caustics at a place of `surface`, on the side of the unit `normal`: W/m^2 times the power factor of render
-    /// space, cosine included. `None` where the surface has no illumination map.
+    /// Irradiance from caustics at a place of `surface`, on the side of the unit `normal`: W/m^2 times the power factor
+    /// of render space, cosine included. `None` where the surface has no illumination map.
     pub fn caustic(&self, surface: u32, position: Vec3, normal: Vec3) -> Option<Rgb> {
         self.at(surface, position, normal, Grid::read_caustic)
     }
 
-    /// Irradiance by all light, at the resolution of diffuse illumination; as [`Self::caustic`].
+    /// Irradiance from all light, at the resolution of diffuse illumination; otherwise as [`Self::caustic`].
     pub fn all(&self, surface: u32, position: Vec3, normal: Vec3) -> Option<Rgb> {
         self.at(surface, position, normal, |grid, place| grid.read(place, &grid.all))
     }
 
-    /// Irradiance by all light but caustics; as [`Self::caustic`].
+    /// Irradiance from all light except caustics; otherwise as [`Self::caustic`].
     pub fn diffuse(&self, surface: u32, position: Vec3, normal: Vec3) -> Option<Rgb> {
         self.at(surface, position, normal, |grid, place| grid.read(place, &grid.diffuse))
     }
@@ -420,8 +422,8 @@ mod tests {
         Grid::finish(filling, chart, kernel, [u64::from(photons); 2])
     }
 
-    /// Even flux of one watt gives one over the area everywhere, at the edges too; the tent has a third of the box's variance or
-    /// less, and both keep the flux.
+    /// Uniform flux of one watt gives one over the area everywhere, including the edges; the tent has a third of the
+    /// box's variance or less, and both keep the flux.
     #[test]
     fn even_light_stays_even() {
         let charts = [

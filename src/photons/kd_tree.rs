@@ -1,32 +1,32 @@
-//! A static kd-tree over points, for both the photons of a map and the irradiance precomputed at some of them.
+//! A static kd-tree over points, for the photons of a map and for the points of precomputed irradiance.
 //!
-//! The reference is the left-balanced tree with one photon a node of Jensen 1996 (after Bentley 1975). This one
-//! keeps its balance, which bounds the depth, and differs in two ways for the sake of caches and vector units:
-//! points sit in full blocks of `L` at the leaves, coordinate by coordinate, and only the splits are nodes. Node
-//! and block indices follow from the counts, so there are no pointers: 8 bytes for each `L` points.
+//! The reference is the left-balanced tree of Jensen 1996 with one photon in each node (after Bentley 1975). This tree
+//! is also balanced, which bounds the depth. It differs in two ways that suit caches and vector units: points are
+//! stored in full blocks of `L` at the leaves, coordinate by coordinate, and only the splits are nodes. Node and block
+//! indices follow from the counts, so there are no pointers: 8 bytes for each `L` points.
 
 use super::photon::{NORMAL_CLASSES, class_of_normal};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::cmp::Ordering;
 
-/// What a tree is built of.
+/// A point of a tree.
 pub(super) trait Point: Copy + Send + Sync {
-    /// Where it is; finite.
+    /// Its position; finite.
     fn position(&self) -> Vec3;
-    /// Two bytes that searches decide by; the code of a normal is in the lowest 12 bits.
+    /// Two bytes that searches use to accept points; the code of a normal is in the lowest 12 bits.
     fn tag(&self) -> u16;
-    /// All that tells two points at one place apart, so that a tree is a function of the set of its points.
+    /// All data that distinguishes two points at one place, so that a tree is a function of the set of its points.
     fn tie(&self) -> u64;
 }
 
-/// One coordinate splits the points between the blocks left and right of it.
+/// A split: one coordinate separates the points of the blocks left and right of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Node {
     /// Coordinate that no point on the left exceeds, and the smallest on the right.
     split: f32,
-    /// The axis in bits 0 and 1, then the classes of normals that the points on the left have, one bit each, and those on the
-    /// right.
+    /// The axis in bits 0 and 1, then the normal classes of the points on the left, one bit each, then those of the
+    /// points on the right.
     axis_and_normals: u32,
 }
 
@@ -46,15 +46,15 @@ impl Node {
         (self.axis_and_normals & 3) as usize
     }
 
-    /// Of the points on the left, and on the right.
+    /// Normal classes of the points on the left and on the right.
     #[inline]
     fn normals(&self) -> [NormalSet; 2] {
         [2, 2 + NORMAL_CLASSES].map(|shift| self.axis_and_normals >> shift & ALL_NORMALS)
     }
 }
 
-/// `L` points, coordinate by coordinate, with the tags at hand, as candidates need them at once; places beyond the last
-/// point hold NaN, which no search accepts.
+/// `L` points, coordinate by coordinate, with their tags next to them, because candidates need these at once. Lanes
+/// beyond the last point hold NaN, which no search accepts.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block<const L: usize> {
     x: [f32; L],
@@ -78,8 +78,8 @@ impl<const L: usize> Block<L> {
 
     /// Squared distances to `p`, NaN where there is no point.
     ///
-    /// The sum runs in the order of the cell distance in [`KdTree::search`]: rounding is monotone, so a cell is
-    /// never measured farther than a point in it, and pruning drops nothing.
+    /// The sum has the order of the cell distance in [`KdTree::search`]. Rounding is monotone, so the distance of a
+    /// cell never exceeds that of a point in it, and pruning loses no point.
     #[inline]
     fn distances_squared(&self, p: Vec3) -> [f32; L] {
         std::array::from_fn(|i| {
@@ -94,7 +94,7 @@ const PARALLEL_LENGTH: usize = 8192;
 /// Depth of the largest tree: 2^32 points.
 const MAX_DEPTH: usize = 32;
 
-/// A balanced kd-tree with `L` points a leaf.
+/// A balanced kd-tree with `L` points in each leaf.
 #[derive(Clone, Debug)]
 pub(super) struct KdTree<const L: usize> {
     /// The split between block `i` and block `i + 1`, in order.
@@ -104,7 +104,7 @@ pub(super) struct KdTree<const L: usize> {
     len: usize,
 }
 
-/// A subtree that a search has put off.
+/// A subtree that a search has deferred.
 #[derive(Clone, Copy)]
 struct Pending {
     first: u32,
@@ -114,28 +114,28 @@ struct Pending {
     distance_squared: f32,
 }
 
-/// What a search does at a leaf.
+/// The operations of a search at the leaves.
 pub(super) trait Visitor<const L: usize> {
-    /// Squared distance beyond which nothing is wanted any more.
+    /// Squared distance beyond which no point is needed any more.
     fn bound(&self) -> f32;
-    /// Whether points of normals of these classes ([`class_of_normal`]) may be wanted at all: parts of the tree that have no others
-    /// are passed over.
+    /// Whether points with normals of these classes ([`class_of_normal`]) may be accepted: parts of the tree that hold
+    /// only other classes are skipped.
     fn wants(&self, _normals: u32) -> bool {
         true
     }
-    /// Takes the squared distances of the points `first..first + L`, NaN where there is none, and the points.
+    /// Receives the squared distances of the points `first..first + L`, NaN where there is none, and the points.
     fn visit(&mut self, first: u32, distances_squared: &[f32; L], block: &Block<L>);
 }
 
 impl<const L: usize> KdTree<L> {
-    /// Builds the tree over `points`, all finite and fewer than 2^32, and puts them into its order.
+    /// Builds the tree over `points`, all finite and fewer than 2^32, and sorts them into its order.
     ///
     /// The tree is a function of the set of points: neither their order nor the number of threads matters.
     pub(super) fn build<P: Point>(points: &mut [P]) -> Self {
         Self::build_until(points, &|| false)
     }
 
-    /// [`Self::build`], given up once `stop` says so: the tree is then of no use.
+    /// [`Self::build`], which ends early once `stop` returns true: the tree is then unusable.
     pub(super) fn build_until<P: Point>(points: &mut [P], stop: &(dyn Fn() -> bool + Sync)) -> Self {
         let count = points.len().div_ceil(L);
         let mut nodes = vec![Node::default(); count.saturating_sub(1)];
@@ -151,7 +151,7 @@ impl<const L: usize> KdTree<L> {
             return (Vec3::ZERO, Vec3::ZERO);
         }
         let Extent { low, high } = self.extent;
-        // Halves first, whose sum cannot overflow.
+        // The halves are computed first, because their sum cannot overflow.
         (0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low)
     }
 
@@ -175,7 +175,7 @@ impl<const L: usize> KdTree<L> {
         self.nodes.capacity() * size_of::<Node>() + self.blocks.capacity() * size_of::<Block<L>>()
     }
 
-    /// Shows `visitor` every leaf that may hold a point within its bound of `position`, near ones first.
+    /// Calls `visitor` for every leaf that may hold a point within its bound of `position`, near leaves first.
     #[inline]
     pub(super) fn search(&self, position: Vec3, visitor: &mut impl Visitor<L>) {
         if self.blocks.is_empty() {
@@ -232,7 +232,7 @@ impl<const L: usize> KdTree<L> {
     }
 }
 
-/// The last subtree that was put off and is not farther than `bound`, taken off the stack.
+/// Removes the last deferred subtree that is not farther away than `bound` from the stack.
 #[inline]
 fn next_pending(stack: &[Pending; MAX_DEPTH], height: &mut usize, bound: f32) -> Option<Pending> {
     while *height > 0 {
@@ -244,12 +244,13 @@ fn next_pending(stack: &[Pending; MAX_DEPTH], height: &mut usize, bound: f32) ->
     None
 }
 
-/// Orders `points`, which `extent` bounds, into blocks of `L`, and notes the splits. The classes of their normals.
+/// Sorts `points`, which `extent` bounds, into blocks of `L`, and stores the splits. Returns the classes of their
+/// normals.
 ///
-/// The middle block divides along the widest side, unless points with the very same coordinate lie on both sides of
-/// it, as in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of the
-/// wall into cells that overlap, and searches would start in the wrong one. Then the next widest side is tried, and
-/// where all three are tied, the order by all that points have decides.
+/// The middle block splits along the widest side, unless points with the very same coordinate lie on both sides of it.
+/// This happens in a cell with an axis-aligned wall and something far in front of it: such a split would put parts of
+/// the wall into cells that overlap, and searches would start in the wrong one. The next widest side is tried then.
+/// Where all three have ties, the order by all data of the points decides.
 fn split<P: Point, const L: usize>(
     points: &mut [P],
     extent: Extent,
@@ -269,7 +270,7 @@ fn split<P: Point, const L: usize>(
     let axes = extent.widest_first();
     let mut chosen = None;
     for axis in axes {
-        // Without ties across the middle, both sides are the same sets whatever the algorithm does.
+        // Without ties across the middle, both sides are the same sets for any selection algorithm.
         let split = select(points, middle, axis);
         let low = Extent::of(&points[..middle]);
         if low.high[axis] < split {
@@ -295,9 +296,9 @@ fn split<P: Point, const L: usize>(
     left | right
 }
 
-/// Moves the `middle` lowest points along `axis` to the front; the coordinate of the next one.
+/// Moves the `middle` lowest points along `axis` to the front; returns the coordinate of the next one.
 fn select<P: Point>(points: &mut [P], middle: usize, axis: usize) -> f32 {
-    // One comparison for each axis, so that none has to look for its coordinate.
+    // One comparison function for each axis, so that no comparison has to select its coordinate.
     let (_, next, _) = match axis {
         0 => points.select_nth_unstable_by(middle, |a, b| a.position().x.total_cmp(&b.position().x)),
         1 => points.select_nth_unstable_by(middle, |a, b| a.position().y.total_cmp(&b.position().y)),
@@ -319,7 +320,7 @@ impl Extent {
     fn of<P: Point>(points: &[P]) -> Self {
         let union = |a: Self, b: Self| Self { low: a.low.min(b.low), high: a.high.max(b.high) };
         let of_part = |part: &[P]| {
-            // Two chains, as each minimum waits for the one before.
+            // Two independent chains, because each minimum waits for the one before.
             let mut extents = [Self::EMPTY; 2];
             for pair in part.chunks(2) {
                 for (extent, point) in extents.iter_mut().zip(pair) {
@@ -335,7 +336,7 @@ impl Extent {
         points.par_chunks(PARALLEL_LENGTH).map(of_part).reduce(|| Self::EMPTY, union)
     }
 
-    /// The axes, that of the widest side first; of equal ones the lowest.
+    /// The axes, the widest side first; among equal sides the lowest axis.
     fn widest_first(&self) -> [usize; 3] {
         let sides = self.high - self.low;
         let mut axes = [0, 1, 2];
@@ -344,9 +345,9 @@ impl Extent {
     }
 }
 
-/// A total order of points by all they have.
+/// A total order of points by all their data.
 fn everything<P: Point>(a: &P, b: &P) -> Ordering {
-    // Two coordinates at once: with only one, the points of an axis-aligned wall would take the long way.
+    // Two coordinates at once: with only one, the points of an axis-aligned wall would all take the slow path.
     let first = |point: &P| {
         let p = point.position();
         u64::from(ordered_bits(p.x)) << 32 | u64::from(ordered_bits(p.y))

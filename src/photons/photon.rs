@@ -1,8 +1,10 @@
+//! The photon: 20 bytes with position, power, direction, normal and class, and the tests by which searches accept it.
+
 use crate::math::{Rgb, Rgbe, octahedral_decode, octahedral_encode, octahedral_encode_two};
 use glam::Vec3;
 use std::sync::LazyLock;
 
-/// How a photon came to the surface it is stored at.
+/// Path of a photon to the surface where it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum PhotonClass {
@@ -12,7 +14,7 @@ pub enum PhotonClass {
     Indirect = 1,
     /// After specular reflections or refractions only.
     Caustic = 2,
-    /// Where light from the source would have arrived had nothing been in its way (Jensen & Christensen 1995).
+    /// Where light from the source would have arrived without obstacles (Jensen & Christensen 1995).
     Shadow = 3,
 }
 
@@ -48,18 +50,18 @@ const WI_BITS: u32 = 8;
 const NORMAL_BITS: u32 = 6;
 const NORMAL_CODES: usize = 1 << (2 * NORMAL_BITS);
 
-/// Largest angle, in radians, between a normal and the one that a [`Photon`] stores of it (3.97 degrees): half
-/// a step in both coordinates at the centre of a face of the octahedron, `sqrt(18) / 62`.
+/// Largest angle, in radians, between a normal and its stored form in a [`Photon`] (3.97 degrees): half a step in both
+/// coordinates at the centre of a face of the octahedron, `sqrt(18) / 62`.
 pub const NORMAL_ERROR: f32 = 0.0693;
 
 /// Light that arrived at a surface: 20 bytes, as in section 3 of Jensen 1996.
 ///
-/// The power is *unnormalised* flux, as if the photon were the only one its map's pass emitted: estimates divide
-/// by the count of emitted photons that travels with a [`super::PhotonMap`].
+/// The power is *unnormalised* flux, as if the photon were the only one that its map's pass emitted: estimates divide
+/// by the number of emitted photons, which a [`super::PhotonMap`] stores.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Photon {
-    /// Where it arrived, render space.
+    /// Position of arrival, render space.
     pub position: Vec3,
     power: Rgbe,
     wi: u16,
@@ -70,11 +72,11 @@ pub struct Photon {
 const _: () = assert!(size_of::<Photon>() == 20 && align_of::<Photon>() == 4);
 
 impl Photon {
-    /// A photon of flux `power` (watts, unnormalised) that arrived at `position` from the unit direction `wi`,
-    /// which points away from the surface, back along its way.
+    /// A photon of flux `power` (watts, unnormalised) that arrived at `position` from the unit direction `wi`, which
+    /// points away from the surface, back along its path.
     ///
-    /// `normal` is the unit geometric normal on either side; it is turned to the side of `wi`. `dither` in
-    /// `[0, 1)`, a random number of this photon's own, rounds the power without bias ([`Rgbe::encode_dithered`]).
+    /// `normal` is the unit geometric normal on either side; it is flipped to the side of `wi`. `dither` in `[0, 1)`, a
+    /// random number of this photon's own, rounds the power without bias ([`Rgbe::encode_dithered`]).
     #[inline]
     pub fn new(position: Vec3, power: Rgb, wi: Vec3, normal: Vec3, class: PhotonClass, dither: f32) -> Self {
         let side = if normal.dot(wi) < 0.0 { -normal } else { normal };
@@ -99,19 +101,19 @@ impl Photon {
         self.power.decode()
     }
 
-    /// Unit direction back to where it came from; within one degree.
+    /// Unit direction back along the path; accurate to one degree.
     #[inline]
     pub fn wi(&self) -> Vec3 {
         decode_wi(self.wi)
     }
 
-    /// Unit geometric normal on the side of arrival; within [`NORMAL_ERROR`], exact along the axes.
+    /// Unit geometric normal on the side of arrival; accurate to [`NORMAL_ERROR`], exact along the axes.
     #[inline]
     pub fn normal(&self) -> Vec3 {
         decode_normal(self.flags)
     }
 
-    /// How it came here.
+    /// Class: the path of the photon to its position.
     #[inline]
     pub fn class(&self) -> PhotonClass {
         decode_class(self.flags)
@@ -132,7 +134,7 @@ impl Photon {
         Self { position, power: payload.power, wi: payload.wi, flags }
     }
 
-    /// As files hold it: position, power, direction, flags, little-endian.
+    /// Record in a file: position, power, direction, flags, little-endian.
     pub(super) fn to_bytes(self) -> [u8; 20] {
         let mut bytes = [0; 20];
         let coordinates = self.position.to_array();
@@ -146,7 +148,7 @@ impl Photon {
         bytes
     }
 
-    /// The photon of these bytes; `None` where no photon has them.
+    /// The photon of these bytes; `None` where they are not valid.
     pub(super) fn from_bytes(bytes: [u8; 20]) -> Option<Self> {
         let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
         let position = Vec3::from_array([0, 4, 8].map(|at| f32::from_le_bytes(word(at))));
@@ -156,7 +158,7 @@ impl Photon {
         is_sound.then_some(Self { position, power: Rgbe(word(12)), wi, flags })
     }
 
-    /// All bits but the position's, as a number: orders photons at the same place.
+    /// All bits except the position's, as a number that orders photons at the same position.
     #[inline]
     pub(super) fn payload_bits(&self) -> u64 {
         let power = u64::from(u32::from_be_bytes(self.power.0));
@@ -164,7 +166,7 @@ impl Photon {
     }
 }
 
-/// What the sums of an estimate need of a [`Photon`].
+/// The part of a [`Photon`] that the sums of an estimate need.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub(super) struct Payload {
@@ -179,7 +181,7 @@ impl Payload {
         self.power.decode()
     }
 
-    /// Unit direction back to where the photon came from.
+    /// Unit direction back along the photon's path.
     #[inline]
     pub(super) fn wi(&self) -> Vec3 {
         decode_wi(self.wi)
@@ -195,8 +197,8 @@ pub(super) fn normal_code(normal: Vec3) -> u16 {
     octahedral_encode(normal, NORMAL_BITS) as u16
 }
 
-/// Each normal that a code can stand for, as every candidate of a search wants its own; the few codes that
-/// neighbours share stay in the nearest cache.
+/// The normal of each code, because a search decodes one for every candidate. Neighbouring photons share few codes,
+/// which stay in the nearest cache.
 static NORMALS: LazyLock<Box<[Vec3; NORMAL_CODES]>> =
     LazyLock::new(|| Box::new(std::array::from_fn(|code| octahedral_decode(code as u32, NORMAL_BITS))));
 
@@ -211,7 +213,7 @@ pub(super) fn decode_normal(flags: u16) -> Vec3 {
     NORMALS[usize::from(flags) % NORMAL_CODES]
 }
 
-/// Classes of normals: those nearest to each of the six axes and eight diagonals.
+/// Number of classes of normals: one for each of the six axes and eight diagonals that a normal may be nearest to.
 pub(super) const NORMAL_CLASSES: u32 = 14;
 
 /// One class of normals.
@@ -222,7 +224,7 @@ struct NormalClass {
     reach: [f32; 2],
 }
 
-/// By code, its class; and the classes.
+/// The class of each code, and the classes.
 static CLASSES: LazyLock<(Box<[u8; NORMAL_CODES]>, [NormalClass; NORMAL_CLASSES as usize])> =
     LazyLock::new(|| {
         let middle = |class: usize| match class {
@@ -251,15 +253,15 @@ pub(super) fn class_of_normal(flags: u16) -> u32 {
     u32::from(CLASSES.0[usize::from(flags) % NORMAL_CODES])
 }
 
-/// One bit for each class that may have a normal at this cosine or more with the unit `normal`.
+/// One bit for each class that may contain a normal at this cosine or more to the unit `normal`.
 fn classes_near(normal: Vec3, min_cos: f32) -> u32 {
-    // Rounding of cosines of unit vectors, many times over: one class more changes no result.
+    // Many times the rounding of cosines of unit vectors: one class more changes no result.
     const ROUNDING: f32 = 32.0 * f32::EPSILON;
     let min_cos = min_cos.clamp(-1.0, 1.0);
     let min_sin = (1.0 - min_cos * min_cos).max(0.0).sqrt();
     let mut near = 0;
     for (i, NormalClass { middle, reach: [cos, sin] }) in CLASSES.1.iter().enumerate() {
-        // Where both angles together exceed a half turn, every class is near.
+        // If both angles together exceed a half turn, every class is near.
         let is_wide = min_cos + cos <= 0.0;
         let is_near = middle.dot(normal) >= min_cos * cos - min_sin * sin - ROUNDING;
         near |= u32::from(is_wide || is_near) << i;
@@ -277,15 +279,15 @@ pub(super) fn decode_class(flags: u16) -> PhotonClass {
     }
 }
 
-/// Which photons a search accepts, by side and class: one look-up in a bit set per code would cost 2 KiB to
-/// prepare for each query, so the two tests are made as candidates come.
+/// The photons that a search accepts, by side and class. A bit set over all codes would cost 2 KiB to prepare for each
+/// query, so both tests are made for each candidate.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Acceptance {
     normals: &'static [Vec3; NORMAL_CODES],
     normal: Vec3,
     min_cos: f32,
     classes: u8,
-    /// Classes of normals among which accepted ones may be, one bit each.
+    /// Classes that may contain accepted normals, one bit each.
     near: u32,
 }
 
@@ -296,7 +298,7 @@ impl Acceptance {
         Self { normals: normal_table(), normal, min_cos, classes: classes.0, near }
     }
 
-    /// Whether a photon may be accepted whose normal is of one of these classes.
+    /// Whether a photon whose normal is of one of these classes may be accepted.
     #[inline]
     pub(super) fn may_accept(&self, classes: u32) -> bool {
         self.near & classes != 0
@@ -308,7 +310,7 @@ impl Acceptance {
         self.judge(flags).0
     }
 
-    /// Whether a photon with these flags is accepted, and the sum of its normal and the query's.
+    /// Whether a photon with these flags is accepted, and the sum of its normal and the query's normal.
     #[inline]
     pub(super) fn judge(&self, flags: u16) -> (bool, Vec3) {
         let normal = self.normals[usize::from(flags) % NORMAL_CODES];
