@@ -1,17 +1,17 @@
-//! Parallel light aimed at boxes around objects, where the disc around the scene is mostly empty.
+//! Aims parallel light at boxes around objects, where the disc around the scene is mostly empty.
 
 use crate::sampling::Distribution1D;
 use crate::scene::Target;
 use glam::{Vec2, Vec3};
 
-/// Where light from outside has to start to meet something: the projections of boxes on a plane across it.
+/// Starts of light from outside that meets an object: the projections of boxes on a plane perpendicular to the light.
 #[derive(Clone, Debug)]
 pub(super) struct BoxMap {
     boxes: Vec<Aimed>,
     choice: Distribution1D,
 }
 
-/// A box, and the probability with which light is aimed at it.
+/// A box and the probability with which light is aimed at it.
 #[derive(Clone, Copy, Debug)]
 struct Aimed {
     low: Vec3,
@@ -20,7 +20,7 @@ struct Aimed {
 }
 
 impl Aimed {
-    /// Areas that the three pairs of faces show along the unit `direction`: only one face of a pair faces the light.
+    /// Projected areas of the three pairs of faces along the unit `direction`: only one face of a pair faces the light.
     fn shown(&self, direction: Vec3) -> Vec3 {
         let Vec3 { x, y, z } = self.size;
         Vec3::new(y * z, z * x, x * y) * direction.abs()
@@ -45,8 +45,8 @@ impl Aimed {
     }
 }
 
-/// Area that boxes around `targets` show together along `direction`, those behind each other counted twice; the mean over
-/// all directions, a quarter of their surface, where there is none.
+/// Total projected area of boxes around `targets` along `direction`; boxes behind each other count twice. Without a
+/// direction it is the mean over all directions, a quarter of their surface.
 pub(super) fn area_of_boxes(targets: &[Target], direction: Option<Vec3>) -> f64 {
     let area = |target: &Target| {
         let size = target.bounds[1] - target.bounds[0];
@@ -57,7 +57,7 @@ pub(super) fn area_of_boxes(targets: &[Target], direction: Option<Vec3>) -> f64 
 }
 
 impl BoxMap {
-    /// For light along the unit `direction`, or for light from everywhere. `None` where nothing has an area.
+    /// For light along the unit `direction`, or for light from all directions. `None` where no box has an area.
     pub(super) fn new(targets: &[Target], direction: Option<Vec3>) -> Option<Self> {
         let choice = Distribution1D::new(targets.iter().map(|target| area_of_boxes(&[*target], direction)))?;
         let aimed = |(index, target): (usize, &Target)| Aimed {
@@ -68,12 +68,14 @@ impl BoxMap {
         Some(Self { boxes: targets.iter().enumerate().map(aimed).collect(), choice })
     }
 
-    /// Area that the boxes show, those behind each other counted twice: what decides how many photons the light gets.
+    /// Projected area of the boxes, which determines the number of photons of the light; boxes behind each other count
+    /// twice.
     pub(super) fn area(&self) -> f64 {
         self.choice.total()
     }
 
-    /// A point of a box that light along the unit `direction` passes, and one over its density per area across the light.
+    /// Samples a point of a box that light along the unit `direction` meets; also returns one over its density per area
+    /// perpendicular to the light.
     #[inline]
     pub(super) fn sample(&self, direction: Vec3, u: Vec2) -> Option<(Vec3, f32)> {
         let (chosen, _, rest) = self.choice.sample(f64::from(u.x));
@@ -96,7 +98,7 @@ impl BoxMap {
         for (index, other) in self.boxes.iter().enumerate() {
             if index != chosen && other.is_met(point, direction) {
                 let area = other.shown(direction).element_sum();
-                // One that is seen edge-on is met by no line in particular.
+                // No particular line meets a box that is seen edge-on.
                 pdf += if area > 0.0 { other.probability / area } else { 0.0 };
             }
         }
@@ -110,7 +112,7 @@ mod tests {
     use crate::math::Frame;
     use crate::sampling::{Rng, Stream, warp};
 
-    /// Flat, long and compact boxes, some of which hide others: what is met comes out with its area, from all directions.
+    /// Flat, long and compact boxes, some of which hide others: the estimate gives their area, from all directions.
     #[test]
     fn areas_that_boxes_cover() {
         let mut rng = Rng::new(7, Stream::Measure, 0);
@@ -141,7 +143,7 @@ mod tests {
             }
             let mean = sum / f64::from(n);
             let error = ((squares / f64::from(n) - mean * mean) / f64::from(n)).sqrt();
-            // The same by points of a square around everything.
+            // The same area from points of a square around all boxes.
             let frame = Frame::from_z(direction);
             let met = (0..n)
                 .filter(|_| {

@@ -1,3 +1,5 @@
+//! Bins of directions around a place, with the targets that may be visible in each.
+
 use crate::math::{Frame, unit};
 use crate::scene::Target;
 use glam::Vec3;
@@ -8,16 +10,16 @@ use std::f32::consts::PI;
 pub(super) struct Cone {
     /// Unit axis.
     pub axis: Vec3,
-    /// Half angle in radians; `pi` holds all directions.
+    /// Half angle in radians; `pi` contains all directions.
     pub half_angle: f32,
 }
 
 impl Cone {
-    /// All directions from points within `reach` of `apex` to points of the sphere of `target`: that of the sphere grown
-    /// by `reach`, and every direction where `apex` lies inside of it.
+    /// All directions from points within `reach` of `apex` to points of the sphere of `target`: the cone of the sphere
+    /// enlarged by `reach`, and every direction where `apex` lies inside that sphere.
     pub(super) fn of(apex: Vec3, reach: f32, target: &Target) -> Self {
         let away = (target.center - apex).as_dvec3();
-        // With room for the rounding of all that is computed from such points in f32.
+        // With a margin for the rounding of values computed from such points in f32.
         let radius = (f64::from(target.radius) + f64::from(reach)) * (1.0 + 1e-6);
         match unit(target.center - apex) {
             Some(axis) if away.length() > radius => {
@@ -33,29 +35,29 @@ impl Cone {
     }
 }
 
-/// Radians, more than the error of an angle computed in `f32` from unit vectors.
+/// Angular margin in radians, larger than the error of an angle computed in `f32` from unit vectors.
 const ROUNDING: f32 = 1e-3;
 
-/// Angle to the axis of the map within which azimuths say nothing.
+/// Angle to the axis of the map within which azimuths are undefined.
 const POLE: f32 = 4.0 * ROUNDING;
 
-/// The directions around a place in bins of equal steps of the polar angle and the azimuth, with the targets that each
-/// may hold (Jensen & Christensen 1995, section 3.1 and figure 2).
+/// The directions around a place, in bins of equal steps of the polar angle and the azimuth, with the targets that each
+/// bin may contain (Jensen & Christensen 1995, section 3.1 and figure 2).
 ///
-/// A target is entered by the largest extent of its cone in both angles: too often at times, never too seldom.
+/// A target is entered by the largest extent of its cone in both angles: sometimes in too many bins, never in too few.
 #[derive(Clone, Debug)]
 pub(super) struct DirectionBins {
     frame: Frame,
     rows: usize,
     columns: usize,
-    /// By bin, row after row: its first entry. One more than bins.
+    /// By bin, row after row: its first entry. One more than the number of bins.
     starts: Vec<u32>,
     /// Numbers of cones.
     entries: Vec<u32>,
 }
 
 impl DirectionBins {
-    /// Bins around `axis` that hold the parts of `cones` up to the polar angle `limit`.
+    /// Bins around `axis` with the parts of `cones` up to the polar angle `limit`.
     pub(super) fn new(axis: Vec3, (rows, columns): (usize, usize), limit: f32, cones: &[Cone]) -> Self {
         let mut bins =
             Self { frame: Frame::from_z(axis), rows, columns, starts: Vec::new(), entries: Vec::new() };
@@ -92,7 +94,7 @@ impl DirectionBins {
         let (first, count) = if around {
             (0, self.columns)
         } else {
-            // The tangents from the pole to the circle on the unit sphere; near the poles azimuths are less exact.
+            // The tangents from the pole to the circle on the unit sphere; azimuths are less accurate near the poles.
             let half = (reach.sin() / polar.sin()).min(1.0).asin() + ROUNDING / low.sin().min(high.sin());
             let column = |angle: f32| (angle + PI) / (2.0 * PI) * self.columns as f32;
             let (first, last) = (column(azimuth - half).floor(), column(azimuth + half).floor());
@@ -115,7 +117,7 @@ impl DirectionBins {
         ((polar / PI * self.rows as f32) as usize).min(self.rows - 1)
     }
 
-    /// Numbers of the cones that may hold the unit `direction`.
+    /// Numbers of the cones that may contain the unit `direction`.
     pub(super) fn at(&self, direction: Vec3) -> &[u32] {
         let (polar, azimuth) = self.angles(direction);
         let column = ((azimuth + PI) / (2.0 * PI) * self.columns as f32) as usize;
@@ -139,7 +141,7 @@ mod tests {
         let mut rng = Rng::new(2, Stream::Measure, 0);
         for round in 0..400 {
             let axis = warp::square_to_sphere(rng.next_2d());
-            // From a hair to nearly everything, often towards the poles of the map.
+            // From very narrow to nearly all directions, often towards the poles of the map.
             let cones: Vec<Cone> = (0..5)
                 .map(|i| {
                     let towards = warp::square_to_sphere(rng.next_2d());

@@ -1,11 +1,12 @@
-//! Photon maps in files: 20 bytes a photon, and a checksum over every part.
+//! Photon map files: 20 bytes for each photon, and a checksum over every part.
 //!
-//! A file is a fixed head, then sections, all numbers little-endian (`docs/photon-map-files.md` has the layout). It holds the
-//! photons and not their trees, which are functions of the set of photons: a map that is read is the same bits as the one
-//! that was written. The first section is a text of who wrote it, which this room does not look into.
+//! A file is a fixed header followed by sections, all numbers little-endian (`docs/photon-map-files.md` has the
+//! layout). It holds the photons and not their trees, which are functions of the set of photons: a map that is read has
+//! the same bits as the one that was written. The first section is a text about the program that wrote the file, which
+//! this module does not interpret.
 //!
-//! A file is never trusted: what it declares is compared with its length before memory is taken, and memory stays below
-//! that of the file.
+//! A file is never trusted: the sizes that it declares are compared with its length before memory is allocated, and
+//! memory stays below the size of the file.
 
 use super::irradiance::{IRRADIANCE_RECORD, IrradianceMap};
 use super::{Photon, PhotonMap};
@@ -14,40 +15,40 @@ use crate::scene::MapKind;
 use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// First bytes: one that no text has, letters, and line ends that a transfer as text would change.
+/// First bytes: one byte that no text contains, letters, and line ends that a transfer as text would change.
 const MAGIC: [u8; 8] = *b"\x89CPM\r\n\x1a\n";
 
 /// Version of the layout that this program writes and reads.
 pub const PHOTON_FILE_VERSION: u32 = 3;
 
-/// Reads as these bytes in a little-endian file.
+/// Marker of the byte order: bytes 1, 2, 3, 4 in a little-endian file.
 const BYTE_ORDER: u32 = 0x0403_0201;
 
-/// Bytes of the head without its checksum.
+/// Bytes of the header without its checksum.
 const HEAD: usize = 32;
 
 /// Bytes of a checksum (BLAKE3).
 const SUM: usize = blake3::OUT_LEN;
 
-/// Bytes before the content of a section: name, a zero, length.
+/// Bytes of the header of a section: name, a zero, length.
 const SECTION_HEAD: usize = 16;
 
 /// Bytes of a photon.
 const PHOTON: usize = 20;
 
-/// Bytes before the photons of a map: emitted, dropped, count.
+/// Bytes of the header of a map: emitted, dropped, count.
 const MAP_HEAD: usize = 24;
 
 /// Longest text of the first section.
 const LONGEST_TEXT: u64 = 16 << 20;
 
-/// Records that are turned at a time.
+/// Records that are converted at a time.
 const BATCH: usize = 4096;
 
 /// A tree counts its points in 32 bits.
 const MOST_RECORDS: usize = 4_000_000_000;
 
-/// What sections are called in files.
+/// Names of the sections in files.
 const TEXT: [u8; 4] = *b"TEXT";
 const GLOBAL: [u8; 4] = *b"GLOB";
 const CAUSTIC: [u8; 4] = *b"CAUS";
@@ -66,33 +67,33 @@ pub struct PhotonFileError {
 /// What can be wrong with a file of photon maps.
 #[derive(Debug, thiserror::Error)]
 pub enum PhotonFileProblem {
-    /// The system.
+    /// The system reported an error.
     #[error("cannot be read: {0}; check its name and permissions")]
     Io(#[from] io::Error),
-    /// Some other file.
+    /// It is another kind of file.
     #[error("is not a file of photon maps; make one with `cardioid photons SCENE -o FILE`")]
     Foreign,
-    /// A layout of another time.
+    /// It has another version of the layout.
     #[error(
         "is of version {0}, and this program reads version {PHOTON_FILE_VERSION}; make it again with `cardioid photons`"
     )]
     Version(u32),
-    /// Less, or more, than was written.
+    /// It is shorter or longer than declared.
     #[error(
         "has {found} bytes instead of {declared}: it is incomplete or was added to; copy it again, or make it again"
     )]
     Length {
-        /// Bytes that it says it has.
+        /// Bytes that it declares.
         declared: u64,
         /// Bytes that it has.
         found: u64,
     },
-    /// A checksum that does not fit.
+    /// A checksum differs.
     #[error(
         "is damaged: {0} is not as it was written; copy it again, or make it again with `cardioid photons`"
     )]
     Damaged(&'static str),
-    /// What is sound but makes no sense: the work of another program.
+    /// The checksums are right, but the content is not valid: another program wrote it.
     #[error("{0}; make it again with `cardioid photons`")]
     Content(&'static str),
 }
@@ -106,18 +107,18 @@ pub struct SavedPhotons {
     pub kind: MapKind,
     /// Count of photons that the lights emitted.
     pub emitted: u64,
-    /// Count of photons that were left out as they had no finite position.
+    /// Number of photons that were left out because their position was not finite.
     pub dropped: u64,
     /// The photons, in any order.
     pub photons: Vec<Photon>,
 }
 
-/// What a file holds.
+/// Content of a file.
 #[derive(Clone, Debug)]
 pub struct PhotonFile {
-    /// Text of who wrote it.
+    /// Text about the program that wrote it.
     pub text: String,
-    /// Maps, each kind at most once.
+    /// The maps, at most one of each kind.
     pub maps: Vec<SavedPhotons>,
     /// Irradiance precomputed at photons of the global map.
     pub irradiance: Option<IrradianceMap>,
@@ -132,7 +133,7 @@ fn name_of(kind: MapKind) -> [u8; 4] {
     }
 }
 
-/// What messages call a section.
+/// Name of a section in messages.
 fn words_for(name: [u8; 4]) -> &'static str {
     match name {
         TEXT => "its description",
@@ -143,10 +144,10 @@ fn words_for(name: [u8; 4]) -> &'static str {
     }
 }
 
-/// Writes maps and irradiance with `text` at their head.
+/// Writes maps and irradiance, with `text` as the first section.
 ///
 /// # Errors
-/// Where `out` fails, or `text` is longer than what is read.
+/// Where `out` fails, or `text` is longer than the reader accepts.
 pub fn write_photon_file(
     out: &mut impl Write,
     text: &str,
@@ -198,7 +199,7 @@ pub fn write_photon_file(
     Ok(())
 }
 
-/// A section on its way out, and its checksum.
+/// A section that is being written, and its checksum.
 struct Section<'a, W> {
     out: &'a mut W,
     sum: blake3::Hasher,
@@ -226,17 +227,17 @@ impl<'a, W: Write> Section<'a, W> {
 /// Reads a file of photon maps.
 ///
 /// # Errors
-/// With the file, what is wrong and what to do.
+/// The error names the file, the problem and the remedy.
 pub fn read_photon_file(path: &Path) -> Result<PhotonFile, PhotonFileError> {
     let in_file = |problem| PhotonFileError { file: path.to_owned(), problem };
     let (file, length) = open_regular(path).map_err(|error| in_file(error.into()))?;
     read_photon_maps(&mut BufReader::with_capacity(1 << 18, file), length).map_err(in_file)
 }
 
-/// Reads photon maps of `length` bytes in all.
+/// Reads photon maps of `length` bytes in total.
 ///
 /// # Errors
-/// What is wrong.
+/// The problem.
 pub fn read_photon_maps(from: &mut impl Read, length: u64) -> Result<PhotonFile, PhotonFileProblem> {
     let mut input = Input { from, left: length, length };
     let sections = input.head()?;
@@ -245,7 +246,7 @@ pub fn read_photon_maps(from: &mut impl Read, length: u64) -> Result<PhotonFile,
     for number in 0..sections {
         let section = input.section()?;
         let name = section.name;
-        // Which also bounds their number.
+        // This also bounds the number of sections.
         if names.contains(&name) || (number == 0) != (name == TEXT) {
             return Err(Problem::Content("its parts are not those of a file of photon maps"));
         }
@@ -265,7 +266,7 @@ pub fn read_photon_maps(from: &mut impl Read, length: u64) -> Result<PhotonFile,
     }
 }
 
-/// What a section says of its length does not fit into the file.
+/// The declared length of a section exceeds the file.
 const TOO_LONG: Problem = Problem::Content("its parts are longer than it is");
 
 fn read_exactly(from: &mut impl Read, bytes: &mut [u8]) -> Result<(), Problem> {
@@ -275,7 +276,7 @@ fn read_exactly(from: &mut impl Read, bytes: &mut [u8]) -> Result<(), Problem> {
     })
 }
 
-/// Bytes of a file, and how many are left.
+/// A file that is being read, and the number of bytes left.
 struct Input<'a, R> {
     from: &'a mut R,
     left: u64,
@@ -289,13 +290,13 @@ fn number<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {
 }
 
 impl<R: Read> Input<'_, R> {
-    /// Fills `bytes`, which the file must have.
+    /// Fills `bytes`; an error where fewer bytes are left.
     fn fill(&mut self, bytes: &mut [u8]) -> Result<(), Problem> {
         self.left = self.left.checked_sub(bytes.len() as u64).ok_or(TOO_LONG)?;
         read_exactly(self.from, bytes)
     }
 
-    /// Reads the head; yields the number of sections.
+    /// Reads the header; returns the number of sections.
     fn head(&mut self) -> Result<u32, Problem> {
         if self.length < (HEAD + SUM) as u64 {
             let mut start = vec![0; self.length as usize];
@@ -344,7 +345,7 @@ impl<R: Read> Input<'_, R> {
     }
 }
 
-/// A section on its way in, whose `left` bytes the file has.
+/// A section that is being read; the file holds its `left` bytes.
 struct Incoming<'a, R> {
     name: [u8; 4],
     sum: blake3::Hasher,
@@ -362,7 +363,7 @@ impl<R: Read> Incoming<'_, R> {
         Ok(())
     }
 
-    /// Compares the checksum, once all has been read.
+    /// Compares the checksum, after all content has been read.
     fn end(self) -> Result<(), Problem> {
         let mut sum = [0; SUM];
         read_exactly(self.from, &mut sum)?;
@@ -383,7 +384,8 @@ impl<R: Read> Incoming<'_, R> {
         String::from_utf8(bytes).map_err(|_| Problem::Content("its description is no text"))
     }
 
-    /// All records of `N` bytes that are left; `None` for those that `turn` refuses.
+    /// All remaining records of `N` bytes. `None` if `turn` refuses one of them, if the last one is incomplete, or if
+    /// there are more than [`MOST_RECORDS`].
     fn records<T, const N: usize>(
         &mut self,
         turn: impl Fn([u8; N]) -> Option<T>,

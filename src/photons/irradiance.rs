@@ -389,8 +389,8 @@ impl IrradianceMap {
     /// point (position, normal). Points above or below the surface count as farther away, as in
     /// [`super::SearchRegion::Disc`]. Among the valid points, those whose feelers met no obstacle up to the distance of
     /// the place come first, and the nearest of them is used: a point at the foot of a wall is not valid behind the
-    /// wall. If there is none, the validity radius shrinks to about the distance of the third neighbour
-    /// ([`SHARE_OF_REACH`]). If the nearest point is valid for no place, the result is `None`.
+    /// wall. If there is none, the validity radius shrinks to about the distance of the third neighbour. If the nearest
+    /// point is valid for no place, the result is `None`.
     pub fn nearest(
         &self,
         (position, normal): (Vec3, Vec3),

@@ -1,9 +1,9 @@
-//! Projection maps (Jensen & Christensen 1995, section 3.1): in which directions a light sees what casts caustics.
+//! Projection maps (Jensen & Christensen 1995, section 3.1): the directions in which a light sees caustic casters.
 //!
 //! The paper makes a map at each of some positions on a light, enters the bounding spheres of objects, and sends more
-//! photons where they are specular. Here positions are cells that together cover the light. Per cell, every sphere
-//! is grown by the cell's own radius, so that no direction from any point of the cell to a caster is missing; a photon
-//! is then aimed at the sphere itself as seen from where it starts, with the density of all spheres in that direction.
+//! photons where they are specular. Here positions are cells that together cover the light. For each cell, every sphere
+//! is enlarged by the radius of the cell, so that no direction from any point of the cell to a caster is missing. A
+//! photon is then aimed at the sphere itself as seen from its start, with the density of all spheres in that direction.
 
 use super::direction_bins::{Cone, DirectionBins};
 use crate::lights::{AreaLight, PointLight, SpotLight};
@@ -16,18 +16,20 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 /// Rows and columns of the map of one cell.
 const BINS: (usize, usize) = (32, 64);
 
-/// Cells of a light along one side, where it is as large as the scene; in proportion where it is smaller.
+/// Cells along one side of a light that is as large as the scene; for smaller lights in proportion to their size.
 const CELLS_PER_SCENE: f32 = 24.0;
-/// But never more.
+/// Largest number of cells along one side.
 const MOST_CELLS: usize = 8;
 
-/// Up to so many casters a cell asks each whether it covers a direction; beyond, those that the map holds there.
+/// Up to this number of casters, a cell tests each caster for a direction; beyond it, only those that the map lists
+/// there.
 const FEW: usize = 8;
 
-/// Least cosine for which photons are aimed at a caster, however flat the light falls on it from where the cell was asked.
+/// Least cosine in the estimate of flux towards a caster, however small the cosines are at the sampled points of the
+/// cell.
 const LEAST_COSINE: f32 = 0.02;
 
-/// A caster, and the probability with which a photon is aimed at it.
+/// A caster and the probability with which a photon is aimed at it.
 #[derive(Clone, Copy, Debug)]
 struct Aimed {
     center: Vec3,
@@ -43,7 +45,7 @@ pub(super) fn one_minus_cos(apex: Vec3, center: Vec3, radius: f32) -> Option<f32
 }
 
 impl Aimed {
-    /// Density per solid angle with which `direction` is drawn from `apex`, this caster's probability included.
+    /// Density per solid angle of sampling `direction` from `apex`, including the probability of this caster.
     #[inline]
     fn pdf(&self, apex: Vec3, normal: Option<Vec3>, direction: Vec3) -> f32 {
         match one_minus_cos(apex, self.center, self.radius) {
@@ -58,7 +60,7 @@ impl Aimed {
     }
 }
 
-/// Density of the directions drawn for a caster around the origin itself: of the cosine to the normal where there is one.
+/// Density of the directions sampled for a caster that contains the origin: cosine-weighted where there is a normal.
 fn everywhere_pdf(normal: Option<Vec3>, direction: Vec3) -> f32 {
     normal.map_or(1.0 / (4.0 * PI), |normal| warp::cosine_hemisphere_pdf(normal.dot(direction)))
 }
@@ -66,26 +68,26 @@ fn everywhere_pdf(normal: Option<Vec3>, direction: Vec3) -> f32 {
 /// The map of one cell of positions.
 #[derive(Clone, Debug)]
 pub(super) struct PositionCell {
-    /// Side of the light, and rectangle of the unit square whose points start here.
+    /// Side of the light, and the rectangle of the unit square whose points start in this cell.
     back: bool,
     low: Vec2,
     size: Vec2,
     casters: Vec<Aimed>,
     choice: Option<Distribution1D>,
-    /// Where casters are more than [`FEW`].
+    /// The bins, where there are more than [`FEW`] casters.
     bins: Option<DirectionBins>,
     /// Flux towards casters, per area and radiance, or per intensity.
     flux: f64,
 }
 
-/// Where a cell is and which way it faces.
+/// Position and orientation of a cell.
 pub(super) struct Place {
     /// Sphere around its positions.
     pub center: Vec3,
     pub radius: f32,
     /// Mean normal.
     pub axis: Vec3,
-    /// Largest angle to the axis at which anything is emitted.
+    /// Largest angle to the axis at which light is emitted.
     pub limit: f32,
     back: bool,
     low: Vec2,
@@ -93,8 +95,8 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// The cells of an area light, column after column, first those of the front, then those of the back; and how many
-    /// make a column. Their number follows from the size of the light compared to the scene.
+    /// The cells of an area light, column after column, first those of the front, then those of the back; and the
+    /// number of rows in a column. The number of cells follows from the size of the light relative to the scene.
     pub(super) fn all_of(light: &AreaLight, scene_radius: f32) -> Option<(Vec<Self>, usize)> {
         let whole = light.patch(false, Vec2::ZERO, Vec2::ONE)?;
         let relative = (whole.radius as f32 / scene_radius).min(1.0);
@@ -175,8 +177,8 @@ impl PositionCell {
         }
     }
 
-    /// A unit direction from `apex`, a point of the cell, to a caster, for a light whose emission has the cosine to
-    /// `normal` in it where there is one; and one over its density per solid angle.
+    /// Samples a unit direction from `apex`, a point of the cell, to a caster. `normal` is given for a light whose
+    /// emission includes the cosine to it. Also returns one over the density per solid angle.
     #[inline]
     pub(super) fn aim(&self, apex: Vec3, normal: Option<Vec3>, u: Vec2) -> Option<(Vec3, f32)> {
         let (chosen, rest) = match &self.choice {
@@ -220,30 +222,30 @@ impl PositionCell {
     }
 }
 
-/// Random numbers of a start in a cell, and of a direction from there, for [`flux_towards`].
+/// Sample points for a start in a cell and for a direction from there, for [`flux_towards`].
 fn start_and_direction(i: u32) -> (Vec2, Vec2) {
-    // Hammersley points, and the same with the coordinates shifted by different amounts.
+    // Hammersley points, and the same points with the coordinates shifted by different amounts.
     let u = Vec2::new((i as f32 + 0.5) / SAMPLES as f32, i.reverse_bits() as f32 / 2f32.powi(32));
     (u, (Vec2::new(u.y, u.x) + Vec2::new(0.5 / SAMPLES as f32, 0.618)).fract())
 }
 
-/// What shines from a place.
+/// The kind of emitter at a place.
 #[derive(Clone, Copy)]
 enum Shining<'a> {
     /// A surface.
     Area(&'a AreaLight),
-    /// A point, alike in all directions.
+    /// A point with the same intensity in all directions.
     Point,
-    /// A point, by direction.
+    /// A point whose intensity depends on the direction.
     Spot(&'a SpotLight),
 }
 
-/// Samples of a cell by which photons are divided among casters and cells.
+/// Number of samples of a cell for the division of photons among casters and cells.
 const SAMPLES: u32 = 16;
 
-/// What a cell sends towards a target, per area and radiance (the cosine included) where it is part of a surface, per
-/// intensity otherwise, without what lies in between: the root of the mean square over starts in the cell, the division of
-/// photons with the least variance of their power.
+/// Flux from a cell towards a target without occlusion: per area and radiance (cosine included) where the cell is part
+/// of a surface, per intensity otherwise. It is the root mean square over starts in the cell, the division of photons
+/// with the least variance of their power.
 fn flux_towards(place: &Place, light: Shining<'_>, target: &Target) -> f64 {
     let everything = if matches!(light, Shining::Area(_)) { PI } else { 4.0 * PI };
     let solid_angle = |from: Vec3| -> Option<(f32, Vec3)> {
@@ -260,7 +262,7 @@ fn flux_towards(place: &Place, light: Shining<'_>, target: &Target) -> f64 {
             Shining::Spot(spot) => {
                 let (size, axis) = solid_angle(place.center).unwrap_or((everything, Vec3::Z));
                 let local = warp::square_to_cone(heading, size / TAU);
-                // Between the samples there may be light all the same.
+                // There may be light between the samples.
                 return size
                     * spot
                         .factor(Frame::from_z(axis).to_world(local))
@@ -277,13 +279,13 @@ fn flux_towards(place: &Place, light: Shining<'_>, target: &Target) -> f64 {
     (squares / f64::from(SAMPLES)).sqrt()
 }
 
-/// Where on a light, and in which directions from there, caustic photons leave it.
+/// Places on a light, and directions from there, where caustic photons leave it.
 #[derive(Clone, Debug)]
 pub(super) struct ProjectionMap {
     /// Column after column of `rows`, first those of the front, then those of the back.
     cells: Vec<PositionCell>,
     rows: usize,
-    /// By the flux of the cells towards casters; `None` for a single cell.
+    /// Distribution of cells by their flux towards casters; `None` for a single cell.
     choice: Option<Distribution2D>,
     /// Flux towards casters per radiance, or per intensity.
     flux: f64,
@@ -293,11 +295,11 @@ pub(super) struct ProjectionMap {
 pub(super) struct Departure<'a> {
     /// The cell.
     pub cell: &'a PositionCell,
-    /// On the back of the light.
+    /// Whether it is on the back of the light.
     pub back: bool,
     /// Point of the unit square for the place on that side.
     pub place: Vec2,
-    /// Factor on the reciprocal density of places that are drawn uniformly.
+    /// Factor on the reciprocal density of uniformly sampled places.
     pub factor: f32,
 }
 
@@ -324,21 +326,21 @@ impl ProjectionMap {
         (flux > 0.0).then(|| Self { cells: vec![cell], rows: 1, choice: None, flux })
     }
 
-    /// The map of a light at a point that does not shine alike everywhere; `None` where it shines on no caster. Its flux is
-    /// per factor on the intensity.
+    /// The map of a light at a point whose intensity depends on the direction; `None` where it illuminates no caster.
+    /// Its flux is per factor on the intensity.
     pub(super) fn of_spot(light: &SpotLight, casters: &[Target]) -> Option<Self> {
         let cell = PositionCell::new(&Place::of_spot(light), Shining::Spot(light), casters);
         let flux = cell.flux;
         (flux > 0.0).then(|| Self { cells: vec![cell], rows: 1, choice: None, flux })
     }
 
-    /// Flux towards casters per radiance, or per intensity: what decides how many photons the light gets. Casters behind
-    /// each other count twice.
+    /// Flux towards casters per radiance, or per intensity, which determines the number of photons of the light.
+    /// Casters behind each other count twice.
     pub(super) fn flux(&self) -> f64 {
         self.flux
     }
 
-    /// Draws a place by the flux of the cells towards casters.
+    /// Samples a place in proportion to the flux of the cells towards casters.
     #[inline]
     pub(super) fn depart(&self, u: Vec2) -> Departure<'_> {
         let Some(choice) = &self.choice else {
@@ -352,7 +354,7 @@ impl ProjectionMap {
     }
 }
 
-/// Where parallel light has to start to hit a caster: the discs of the spheres, perpendicular to it.
+/// Starts of parallel light that meets a caster: the discs of the spheres, perpendicular to the light.
 #[derive(Clone, Debug)]
 pub(super) struct DiscMap {
     casters: Vec<Aimed>,
@@ -372,12 +374,13 @@ impl DiscMap {
         Some(Self { casters: targets.iter().enumerate().map(aimed).collect(), choice })
     }
 
-    /// Area of the discs, those that overlap counted twice, weighed by density.
+    /// Area of the discs, weighted by density; overlaps count twice.
     pub(super) fn area(&self) -> f64 {
         f64::from(PI) * self.choice.total()
     }
 
-    /// A point that light along the unit `direction` passes on its way to a caster, and one over its density per area.
+    /// Samples a point that light along the unit `direction` passes on its way to a caster; also returns one over its
+    /// density per area.
     #[inline]
     pub(super) fn sample(&self, direction: Vec3, u: Vec2) -> Option<(Vec3, f32)> {
         let (chosen, rest) = if self.casters.len() > 1 {

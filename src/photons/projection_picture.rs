@@ -1,4 +1,4 @@
-//! Pictures of projection maps, for people (figure 2 of Jensen & Christensen 1995).
+//! Pictures of projection maps, for inspection (figure 2 of Jensen & Christensen 1995).
 
 use super::direction_bins::{Cone, DirectionBins};
 use super::projection_map::Place;
@@ -11,21 +11,21 @@ use std::f32::consts::FRAC_PI_2;
 /// A picture of 8-bit RGB, row after row from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProjectionPicture {
-    /// Pixels across.
+    /// Width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: u32,
-    /// Three bytes a pixel.
+    /// Three bytes for each pixel.
     pub pixels: Vec<u8>,
 }
 
 /// Bins of a tile: polar angles from 0 (top) to 180 degrees, azimuths all around.
 const TILE: (usize, usize) = (64, 128);
-/// Pixels on a side of the picture of light from outside.
+/// Side in pixels of the picture of light from outside.
 const DISC: usize = 512;
-/// Tiles in a line where they have no order in two dimensions.
+/// Tiles in a row where they have no two-dimensional order.
 const TILES_ACROSS: usize = 8;
-/// Pixels across where few tiles could be drawn smaller; and the most for one bin.
+/// Width in pixels to which a picture with few tiles is enlarged at most, and the largest side of one bin.
 const SHOWN_ACROSS: usize = 768;
 const LARGEST_BIN: usize = 4;
 
@@ -34,12 +34,12 @@ const DIFFUSE: [u8; 3] = [70, 88, 120];
 const CASTER: [f32; 3] = [255.0, 170.0, 60.0];
 const BORDER: [u8; 3] = [120, 120, 120];
 
-/// What light number `index` of `scene` sees: casters of caustics orange, brighter the more photons are aimed at them;
-/// other objects blue; nothing dark.
+/// The view of light number `index` of `scene`: caustic casters orange, brighter the more photons are aimed at them;
+/// other objects blue; empty directions dark.
 ///
-/// For an area light one tile for each cell of positions, azimuth across and the angle to its normal down, to the horizon
-/// or the nadir; every object is grown by the cell. For a point light one tile around the y axis. For light from outside the
-/// disc around the scene, perpendicular to the light (an environment: to light from above).
+/// An area light has one tile for each cell of positions, with the azimuth across and the angle to its normal down, to
+/// the horizon or the nadir; every object is enlarged by the cell. A point light has one tile around the y axis. Light
+/// from outside has the disc around the scene, perpendicular to the light (for an environment: to light from above).
 pub fn projection_picture(scene: &Scene, index: usize) -> ProjectionPicture {
     let targets: Vec<Target> = scene
         .targets()
@@ -60,7 +60,7 @@ pub fn projection_picture(scene: &Scene, index: usize) -> ProjectionPicture {
     }
 }
 
-/// Colour of a place where these targets may be.
+/// Colour of a place where these targets may be visible.
 fn colour<'a>(targets: impl Iterator<Item = &'a Target>, densest: f32) -> [u8; 3] {
     let (mut any, mut density) = (false, 0.0);
     for target in targets {
@@ -77,7 +77,7 @@ fn colour<'a>(targets: impl Iterator<Item = &'a Target>, densest: f32) -> [u8; 3
     }
 }
 
-/// Density of casters that gets the brightest colour.
+/// Density of casters that has the brightest colour.
 fn densest(targets: &[Target]) -> f32 {
     targets.iter().map(|target| target.density).fold(0.0, f32::max)
 }

@@ -1,3 +1,5 @@
+//! Tests of density estimates: bias, noise, kernels and search regions.
+
 use super::*;
 use crate::photons::{MIN_NORMAL_COS, Photon, PhotonClass, PhotonClasses, SearchRegion};
 use crate::sampling::{Rng, Stream, warp};
@@ -154,8 +156,8 @@ fn faint_estimates_do_not_ask_what_is_seen() {
     assert_eq!(asked(1.01 * brightest), (usual, 0));
 }
 
-/// Mean of estimates by both regions over that of uniform flux, on a surface of area `area` that `on_surface`
-/// draws points and normals of.
+/// Mean of estimates by both regions over that of uniform flux, on a surface of area `area` that `on_surface` samples
+/// points and normals of.
 fn on_curved(area: f64, n: usize, on_surface: impl Fn(&mut Rng) -> (Vec3, Vec3)) -> [f64; 2] {
     const MAPS: u64 = 8;
     let count = 20_000;
@@ -187,7 +189,7 @@ fn curvature_costs_nothing() {
             let p = warp::square_to_sphere(rng.next_2d());
             (p, p)
         });
-        // A torus of radii 4 and 1 is round in one direction, and saddles inside; no ends.
+        // A torus of radii 4 and 1 is round in one direction, has saddles inside, and no ends.
         let torus = on_curved(16.0 * PI * PI, on_torus, |rng| {
             loop {
                 let u = rng.next_2d() * std::f32::consts::TAU;
@@ -227,7 +229,7 @@ fn parallel_planes_do_not_leak() {
     let floor = square(20_000, 0.0, Vec3::Y, 0);
     let alone = PhotonMap::build(floor.clone(), 20_000);
     let mut scratch = Scratch::default();
-    // The same side at a tenth, the other side at a thousandth; a search of 50 photons has radius 0.03.
+    // Photons on the same side at height 0.1, on the other side at 0.001; a search of 50 photons has radius 0.03.
     for (height, normal, region) in [
         (0.1, Vec3::Y, SearchRegion::Sphere),
         (0.01, Vec3::Y, SearchRegion::Disc),
@@ -272,7 +274,7 @@ fn few_photons_and_none() {
                 }
             }
         }
-        // All count where fewer than k lie in reach, and the reach is the radius.
+        // Where fewer than k photons lie within the maximum radius, all count, and that is the radius.
         let query = Query { max_radius: 2.0, ..Query::nearest(Vec3::splat(0.1), Vec3::Y, 50) };
         let estimate = map.estimate_irradiance(&query, &corrected(Kernel::Constant), &mut scratch);
         assert_eq!((estimate.photons as usize, estimate.radius), (count, 2.0));
@@ -296,7 +298,7 @@ fn coincident_photons_keep_their_flux() {
                 assert!(estimate.value.is_finite() && estimate.radius > 0.0);
                 assert_eq!(estimate.photons, 1000);
                 let flux = f64::from(estimate.value.x) * PI * f64::from(estimate.radius).powi(2);
-                // All sit at the centre, where a kernel exceeds its mean.
+                // All photons lie at the centre, where a kernel exceeds its mean.
                 let want = 1.0 / f64::from(kernel.mean_weight());
                 assert!((flux / want - 1.0).abs() < 1e-5, "{kernel:?} {flux}");
             }
@@ -423,13 +425,13 @@ fn fixed_radius_is_a_little_better_and_fails_in_two_ways() {
 
     let contrast = 100.0;
     let (dense, sparse) = (40_000.0 * 100.0 / 101.0, 40_000.0 / 101.0);
-    // Of the right size for the dense half it finds next to nothing in the sparse one.
+    // A radius that suits the dense half finds almost no photons in the sparse half.
     let small = |at| Query::within(at, Vec3::Y, radius(50.0, dense));
     let nearest = |at| Query::nearest(at, Vec3::Y, 50);
     let (_, noise, _) = beside_a_step(contrast, 0.75, small);
     let (_, noise_of_nearest, _) = beside_a_step(contrast, 0.75, nearest);
     assert!(noise > 1.0 && noise_of_nearest < 0.2, "{noise}, {noise_of_nearest}");
-    // Of the right size for the sparse half it blurs the edge and looks at all there is in the dense one.
+    // A radius that suits the sparse half blurs the edge, and visits all photons nearby in the dense half.
     let large = |at| Query::within(at, Vec3::Y, radius(50.0, sparse));
     let beside = 0.5 + 0.5 * radius(50.0, sparse);
     let (blurred, _, _) = beside_a_step(contrast, beside, large);

@@ -1,3 +1,5 @@
+//! Tests of photon map files: round trips and damaged files.
+
 use super::*;
 use crate::math::Rgb;
 use crate::photons::{EstimateParams, Estimator, Kernel, PhotonClass, Query};
@@ -49,7 +51,7 @@ fn what_is_written_is_read_and_gives_the_same_map_to_the_bit() {
         for (saved, original) in file.maps.iter().zip([&global, &caustic]) {
             assert_eq!((saved.emitted, saved.dropped), (original.emitted(), original.dropped()));
             let mut photons = saved.photons.clone();
-            // In whatever order.
+            // The photons may come in any order.
             photons.reverse();
             let again = PhotonMap::build(photons, saved.emitted);
             assert!(again.photons().eq(original.photons()));
@@ -72,7 +74,7 @@ fn cut_at_any_byte_or_longer_is_refused() {
             _ => matches!(problem, Problem::Length { found, .. } if found == length as u64),
         };
         assert!(is_right, "{length}: {problem}");
-        // A file that is as long as it was, but of zeros from here on.
+        // A file of the original length, with zeros from here on.
         let mut holed = bytes.clone();
         holed[length..].fill(0);
         assert!(holed == bytes || read(&holed).is_err(), "{length}");
@@ -128,7 +130,7 @@ fn messages_say_what_it_is_and_what_to_do() {
 
 #[test]
 fn what_a_file_declares_takes_no_memory() {
-    // A section of 16 GB, and more photons than bytes, with checksums that fit.
+    // A section of 16 GB, and more photons than bytes, with valid checksums.
     let bytes = small();
     let global = HEAD + SUM + SECTION_HEAD + 11 + SUM;
     for (at, value) in
@@ -145,7 +147,7 @@ fn what_a_file_declares_takes_no_memory() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Bytes of any kind, and files with several bytes changed, cut out or doubled, are refused without a panic.
+    /// Random bytes, and files with several bytes changed, removed or doubled, are refused without a panic.
     #[test]
     fn anything_else_is_refused(
         noise in prop::collection::vec(any::<u8>(), 0..400),

@@ -1,3 +1,5 @@
+//! Tests of the projection map: completeness of the bins, and densities.
+
 use super::*;
 use crate::math::Rgb;
 use crate::sampling::{Rng, Stream};
@@ -5,7 +7,7 @@ use crate::shapes::{Cylinder, Disc, EmitterShape, Quad, Sphere, Triangle};
 use glam::DVec3;
 use proptest::prelude::*;
 
-/// A light of each shape; the mesh has more triangles than a light has cells along a side.
+/// A light of each shape; the mesh has more triangles than a light has cells along one side.
 fn area_light(kind: u32, size: f64, two_sided: bool, flip: bool, rng: &mut Rng) -> AreaLight {
     let mut vector = || warp::square_to_sphere(rng.next_2d()).as_dvec3() * size;
     let at = vector();
@@ -25,7 +27,7 @@ fn area_light(kind: u32, size: f64, two_sided: bool, flip: bool, rng: &mut Rng) 
     AreaLight::new(pieces, Rgb::ONE, two_sided, flip).unwrap()
 }
 
-/// Spheres around the origin, from specks to one that holds the light.
+/// Spheres around the origin, from tiny ones to one that contains the light.
 fn casters(count: usize, rng: &mut Rng) -> Vec<Target> {
     (0..count as u32)
         .map(|surface| {
@@ -51,8 +53,8 @@ fn number_in(cell: &PositionCell, target: &Target) -> Option<u32> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(160))]
 
-    /// What makes aiming exact: no direction in which a light shines from any point of a cell to any point of a caster is
-    /// unmarked, and a photon in that direction has the caster's share in its density.
+    /// The condition for exact aiming: every direction in which a light shines from any point of a cell to any point of
+    /// a caster is marked, and the density of a photon in that direction includes the share of the caster.
     #[test]
     fn no_direction_to_a_caster_is_unmarked(
         kind in 0u32..40, size in -3.0f64..0.3, two_sided: bool, flip: bool, count in 1usize..40, seed: u64,
@@ -90,7 +92,7 @@ proptest! {
                 draw(corner, Some(cell))?;
             }
         }
-        // Every cell that faces a caster is drawn, and drawn points are in their cells.
+        // Every cell that faces a caster is sampled, and sampled points are in their cells.
         let chosen = |cell: &PositionCell| {
             let n = 64;
             (0..n * n).any(|i| {
@@ -104,8 +106,8 @@ proptest! {
         }
     }
 
-    /// The reciprocal densities of drawn directions are those of the density that is evaluated with all casters, and their
-    /// mean is the solid angle that the casters cover together.
+    /// The reciprocal densities of sampled directions agree with the density evaluated over all casters, and their mean
+    /// is the solid angle that the casters cover together.
     #[test]
     fn densities_are_of_all_casters(count in 1usize..40, seed: u64) {
         let mut rng = Rng::new(seed, Stream::Measure, 1);
@@ -117,7 +119,7 @@ proptest! {
             let (direction, per_pdf) = cell.aim(light.position, None, rng.next_2d()).unwrap();
             prop_assert!((direction.length() - 1.0).abs() < 1e-5);
             let pdf: f32 = cell.casters.iter().map(|caster| caster.pdf(light.position, None, direction)).sum();
-            // A direction on the very rim of the cone it was drawn from may miss it by rounding.
+            // A direction on the rim of the cone from which it was sampled may miss it by rounding.
             let narrow = cell.casters.iter().any(|caster| caster.radius < 1e-3);
             prop_assert!((pdf * per_pdf - 1.0).abs() < 1e-3 || narrow && per_pdf * pdf < 1.0, "{pdf} {per_pdf}");
         }
@@ -139,7 +141,8 @@ fn one_sphere_is_aimed_at_uniformly() {
     }
 }
 
-/// Where two spheres overlap on the sky the area that they cover together comes out, and the denser one gets more photons.
+/// Where two spheres overlap in the view of the light, the mean is the area that they cover together, and the denser
+/// one gets more photons.
 #[test]
 fn overlaps_are_not_counted_twice() {
     let sphere = |y: f32, density: f32| Target { density, ..Target::of_sphere(Vec3::new(2.0, y, 0.0), 0.6) };
@@ -173,7 +176,7 @@ fn overlaps_are_not_counted_twice() {
     assert!(f64::from(denser) > 0.65 * f64::from(n), "{denser}");
 }
 
-/// The back of a sphere light sends nothing to a caster before it, and is not drawn.
+/// The back of a sphere light sends nothing to a caster in front of it, and is not sampled.
 #[test]
 fn starts_are_where_casters_are_in_view() {
     let light = EmitterShape::Sphere(Sphere::new(DVec3::ZERO, 0.5).unwrap());
