@@ -86,7 +86,7 @@ impl Hemisphere {
         self.rows * self.columns
     }
 
-    /// Count of rays.
+    /// Number of rays.
     pub fn len(&self) -> usize {
         self.strata() + self.further
     }
@@ -385,7 +385,7 @@ mod tests {
 
     #[test]
     fn rotational_gradient_is_the_derivative_of_the_closed_form() {
-        // A sphere above the horizon lights with pi (r/d)^2 cos, whatever its place.
+        // A sphere above the horizon gives the irradiance pi (r/d)^2 cos, wherever it is.
         let (centre, radius) = (DVec3::new(0.8, 0.0, 1.4), 0.5);
         let look = |direction: Vec3, _: f32| {
             let along = direction.as_dvec3().dot(centre);

@@ -37,7 +37,7 @@ pub struct CacheSettings {
     pub bounds: (Vec3, f32),
 }
 
-/// A place where irradiance may be wanted.
+/// A place where irradiance may be needed.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     /// Where.
@@ -55,7 +55,7 @@ pub struct Place {
 pub struct Record {
     /// Where.
     pub place: Place,
-    /// The irradiance, gradients in the space of the position.
+    /// The irradiance; its gradients are in the space of the position.
     pub irradiance: Irradiance,
 }
 
@@ -165,7 +165,7 @@ impl IrradianceCache {
         Self { reaches: Reaches::new(settings, OVERLAP), linears: Vec::new() }
     }
 
-    /// Count of records.
+    /// Number of records.
     pub fn len(&self) -> usize {
         self.linears.len()
     }

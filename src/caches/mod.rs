@@ -6,7 +6,7 @@
 //! meanwhile. Those to compute are chosen one by one in their order ([`Filling::choose`]), computed in parallel and
 //! inserted ([`Filling::accept`]), so the result does not depend on the threads. Rendering only reads the cache. The
 //! radiance along a ray of a hemisphere comes from a closure, so this module depends on no integrator.
-// A new choice of a setting does not compile until each match says what it means there.
+// A new variant of a setting does not compile until every match handles it.
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod hemisphere;

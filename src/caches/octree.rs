@@ -23,7 +23,7 @@ pub(super) struct Octree {
 enum Node {
     /// Number of the first of eight children.
     Inner(u32),
-    /// Spheres, in the order in which they came.
+    /// Spheres, in the order of insertion.
     Leaf { items: Vec<u32>, divisible: bool },
 }
 
@@ -53,7 +53,7 @@ impl Octree {
         }
     }
 
-    /// Adds sphere number `item`; `sphere_of` gives the others, for leaves that are divided.
+    /// Adds sphere number `item`; `sphere_of` returns the other spheres, for leaves that are divided.
     pub(super) fn insert(&mut self, item: u32, sphere: Sphere, sphere_of: impl Fn(u32) -> Sphere + Copy) {
         self.insert_at((0, self.centre, self.half, 0), item, sphere, sphere_of);
     }

@@ -201,7 +201,7 @@ mod tests {
                 for (left, body) in out.into_iter().enumerate() {
                     let crossing = at.crossing(body, AIR, &media);
                     assert!(crossing.fits);
-                    // The way back is the same surface.
+                    // The way back crosses the same surface.
                     assert_eq!(crossing.after.crossing(AIR, body, &media).after, at);
                     at = crossing.after;
                     let best = out[left + 1..].iter().copied().min_by_key(|&id| media[id as usize].rank);
@@ -299,7 +299,7 @@ mod tests {
     #[test]
     fn borders_at_one_place_are_one_crossing() {
         let media = media(&[1, 2]);
-        // Out of one body and into another: from glass to water, and not by way of air.
+        // Out of one body and into another: from glass to water, without air between them.
         let glass = MediumStack::of(1);
         let crossing = glass.crossing(1, AIR, &media).and(AIR, 2, &media);
         assert_eq!((crossing.before, crossing.after), (glass, MediumStack::of(2)));

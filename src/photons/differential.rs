@@ -1,4 +1,4 @@
-//! Differential checking: an estimate stops growing where it only climbs or only falls.
+//! Differential checking: an estimate stops growing where it changes in one direction only.
 //!
 //! "When adding photons to the estimate and being near an edge the changes of the estimate will be monotonic [...] we
 //! stop adding photons and use the estimate available" (Jensen & Christensen 1995, section 3.3). Taken to the letter

@@ -22,7 +22,7 @@ pub struct Estimate {
     /// Irradiance in W m^-2 or radiance in W m^-2 sr^-1, depending on the function. Always finite; zero without
     /// photons.
     pub value: Rgb,
-    /// Count of photons in the sum.
+    /// Number of photons in the sum.
     pub photons: u32,
     /// Radius of the disc that the sum was divided by.
     pub radius: f32,
@@ -35,7 +35,7 @@ pub struct Estimate {
     pub is_local: bool,
 }
 
-/// Radius of the second estimate over that of the first: half of the area.
+/// Radius of the second estimate over that of the first, for half of the area.
 pub const NARROWER: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 /// Largest number of photons within the least radius. If there are more, the radius shrinks until it holds this number,

@@ -64,7 +64,7 @@ pub struct PhotonFileError {
     pub problem: PhotonFileProblem,
 }
 
-/// What can be wrong with a file of photon maps.
+/// Problems of a file of photon maps.
 #[derive(Debug, thiserror::Error)]
 pub enum PhotonFileProblem {
     /// The system reported an error.
@@ -105,7 +105,7 @@ use PhotonFileProblem as Problem;
 pub struct SavedPhotons {
     /// Which map.
     pub kind: MapKind,
-    /// Count of photons that the lights emitted.
+    /// Number of photons that the lights emitted.
     pub emitted: u64,
     /// Number of photons that were left out because their position was not finite.
     pub dropped: u64,

@@ -105,7 +105,7 @@ fn cell_of(position: Vec3) -> [u32; 3] {
     ((position - CORNER) * CELLS_PER_LENGTH).to_array().map(|x| x.clamp(0.0, largest) as u32)
 }
 
-/// The octant that a cell lies in at this level.
+/// The octant of a cell at this level.
 #[inline]
 fn octant(cell: [u32; 3], level: u32) -> usize {
     let shift = CELL_LEVELS - 1 - level;
@@ -198,7 +198,7 @@ impl DirectionGuide {
         Part::Node(node as u32)
     }
 
-    /// Count of distributions.
+    /// Number of distributions.
     pub fn len(&self) -> usize {
         self.records.len()
     }

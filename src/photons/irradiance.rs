@@ -325,7 +325,7 @@ impl IrradianceMap {
         bytes
     }
 
-    /// The point of these bytes; `None` where no point has them.
+    /// The point of these bytes; `None` where they are not valid.
     pub(super) fn point(bytes: [u8; IRRADIANCE_RECORD]) -> Option<IrradiancePoint> {
         let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
         let position = Vec3::from_array([0, 4, 8].map(|at| f32::from_le_bytes(word(at))));
@@ -345,7 +345,7 @@ impl IrradianceMap {
         })
     }
 
-    /// Count of points.
+    /// Number of points.
     pub fn len(&self) -> usize {
         self.tree.len()
     }

@@ -155,7 +155,7 @@ impl<const L: usize> KdTree<L> {
         (0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low)
     }
 
-    /// Count of points.
+    /// Number of points.
     pub(super) fn len(&self) -> usize {
         self.len
     }

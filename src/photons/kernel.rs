@@ -18,9 +18,9 @@ impl Kernel {
 
     /// Mean of the weight over the disc, `n = integral over [0, 1] of 2 t w(t) dt`, in closed form.
     ///
-    /// `1 - 2 / (3 k)` for the cone is Jensen's own; the others follow by the same integral. Jensen's Gaussian
-    /// comes with a factor `alpha = 0.918` that makes its integral 0.53 instead of one; dividing by the mean, which
-    /// amounts to `alpha = 1.7284`, mends that (Garcia, Urena & Sbert 2014).
+    /// `1 - 2 / (3 k)` for the cone is Jensen's own; the others follow by the same integral. Jensen's Gaussian has a
+    /// factor `alpha = 0.918`, with which its integral is 0.53 instead of one; division by the mean, which corresponds
+    /// to `alpha = 1.7284`, corrects that (Garcia, Urena & Sbert 2014).
     pub fn mean_weight(self) -> f32 {
         match self {
             Self::Constant => 1.0,

@@ -137,7 +137,7 @@ pub struct Neighbours<'a> {
 }
 
 impl<'a> Neighbours<'a> {
-    /// Count of photons found.
+    /// Number of photons found.
     pub fn len(&self) -> usize {
         self.keys.len()
     }
@@ -264,7 +264,7 @@ impl PhotonMap {
         Self { dropped, ..Self::build(photons, emitted) }
     }
 
-    /// Count of photons stored.
+    /// Number of photons stored.
     pub fn len(&self) -> usize {
         self.tree.len()
     }
@@ -279,7 +279,7 @@ impl PhotonMap {
         self.emitted
     }
 
-    /// Count of photons that were not stored because their position was not finite.
+    /// Number of photons that were not stored because their position was not finite.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
@@ -299,7 +299,7 @@ impl PhotonMap {
         self.tree.memory_bytes() + self.payloads.capacity() * size_of::<Payload>()
     }
 
-    /// Sum of the flux of all photons that carry light, divided by the count of emitted ones: watts for each channel.
+    /// Sum of the flux of all photons that carry light, divided by the number emitted: watts for each channel.
     pub fn total_flux(&self) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for photon in self.photons().filter(|photon| photon.class() != PhotonClass::Shadow) {
@@ -309,7 +309,7 @@ impl PhotonMap {
         sum.map(|channel| channel * self.per_emitted())
     }
 
-    /// `1 / emitted`, or zero where nothing was.
+    /// `1 / emitted`, or zero if no photon was emitted.
     pub(super) fn per_emitted(&self) -> f64 {
         if self.emitted == 0 { 0.0 } else { 1.0 / self.emitted as f64 }
     }

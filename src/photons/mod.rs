@@ -1,5 +1,5 @@
-//! Pass 1: photons, the maps they are stored in, and the estimates made from them.
-// A new choice of a setting does not compile until each match says what it means there.
+//! Pass 1: photons, the photon maps that store them, and the estimates made from them.
+// A new variant of a setting does not compile until every match handles it.
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod box_map;

@@ -26,11 +26,11 @@ pub struct TracedPhotons {
     /// Whether the pass was stopped before all photons were traced. There are then fewer photons, but they represent
     /// the same light.
     pub stopped: bool,
-    /// By surface, for the caustic map: whether a photon met it. Empty for other maps.
+    /// By surface, for the caustic map: whether any photon met it. Empty for other maps.
     pub reached: Vec<bool>,
     /// Lights that emit, but of which no photon was traced because the pass was stopped.
     pub missing: Vec<LightId>,
-    /// Lights that are in more than one medium on one side.
+    /// Lights with more than one medium on one side.
     pub divided: Vec<LightId>,
 }
 

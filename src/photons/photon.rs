@@ -10,9 +10,10 @@ use std::sync::LazyLock;
 pub enum PhotonClass {
     /// Straight from the light.
     Direct = 0,
-    /// After at least one diffuse or glossy reflection.
+    /// After at least one reflection by a diffuse lobe, which includes glossy lobes smooth enough for a density
+    /// estimate.
     Indirect = 1,
-    /// After specular reflections or refractions only.
+    /// After specular or highly glossy reflections or refractions only.
     Caustic = 2,
     /// Where light from the source would have arrived without obstacles (Jensen & Christensen 1995).
     Shadow = 3,

@@ -186,7 +186,7 @@ mod tests {
         assert!(missed(PHOTONS) <= 1.0 - CONFIDENCE && missed(PHOTONS - 1) > 1.0 - CONFIDENCE);
     }
 
-    /// Photons on the unit square, in shadow where `in_shadow` says so.
+    /// Photons on the unit square, in shadow where `in_shadow` is true.
     fn traced(count: u64, seed: u64, in_shadow: impl Fn(Vec3, &mut Rng) -> bool) -> TracedShadows {
         let mut all = TracedShadows::default();
         for i in 0..count {
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(map.decide(Vec3::NAN, Vec3::Y, 7), ShadowDecision::TooFew);
     }
 
-    /// A faint shadow all over, of the share that may go unseen: at so many places at most.
+    /// A faint shadow everywhere, of the share that may be missed: no more places than stated are decided wrongly.
     #[test]
     fn a_share_goes_unseen_as_rarely_as_stated() {
         for (share, rarely) in [(LARGEST_UNSEEN_SHARE, 1.0 - CONFIDENCE), (0.03, 1e-5)] {
@@ -247,7 +247,8 @@ mod tests {
             }
             let rate = f64::from(unseen) / f64::from(places);
             println!("share {share}: {rate}");
-            // Places lie in common discs: a hundred independent ones in each map, so three deviations are generous.
+            // Neighbouring places share photons: each map has about a hundred independent discs, so three deviations
+            // are generous.
             assert!(rate <= rarely + 3.0 * (rarely / 800.0).sqrt(), "share {share}: {rate}");
         }
     }

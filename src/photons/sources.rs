@@ -16,7 +16,7 @@ pub(super) struct Sources<'a> {
     media: Vec<[MediumStack; 2]>,
     /// Distribution of lights by importance; `None` where no light emits anything.
     choice: Option<Distribution1D>,
-    /// Lights that are in more than one medium on one side.
+    /// Lights with more than one medium on one side.
     pub divided: Vec<LightId>,
 }
 

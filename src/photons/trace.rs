@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Settings of a photon pass.
 #[derive(Clone, Copy, Debug)]
 pub struct TraceSettings {
-    /// Which map the photons are for.
+    /// The map that the photons are for.
     pub kind: MapKind,
     /// Approximate number of photons to store.
     pub stored: u64,
@@ -43,7 +43,7 @@ pub struct PhotonTally {
     pub missed: u64,
     /// Photons cut off at the depth limit.
     pub truncated: u64,
-    /// Photons that met specular surfaces.
+    /// Photons that left a surface by a specular or glossy lobe.
     pub interfaces: u64,
     /// Photons that met an interface whose stated medium differs from the one they were in.
     pub medium_mismatches: u64,

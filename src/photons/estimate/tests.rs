@@ -363,7 +363,7 @@ fn merge_is_concatenation() {
     assert_eq!((merged.emitted(), merged.dropped()), (4777, 0));
     assert_eq!(merged.total_flux(), whole.total_flux());
     assert!((merged.total_flux()[0] - 1.0).abs() < 1e-12);
-    // Counts go past 2^32 without a jump.
+    // Numbers of emitted photons exceed 2^32 without an overflow.
     let late = PhotonMap::build(square(10, 0.0, Vec3::Y, 0), (1 << 32) - 10);
     let more = PhotonMap::merge([&late, &PhotonMap::build(Vec::new(), 20)]);
     assert_eq!(more.emitted(), (1 << 32) + 10);

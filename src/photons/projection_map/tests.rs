@@ -191,7 +191,7 @@ fn starts_are_where_casters_are_in_view() {
     });
     let share = facing.count() as f64 / f64::from(n);
     assert!(share > 0.9, "{share}");
-    // One that emits inwards sees nothing of it.
+    // A light that faces away does not see the caster.
     let away = EmitterShape::Quad(Quad::new(DVec3::ZERO, DVec3::X, DVec3::Z).unwrap());
     let away = AreaLight::new(vec![away], Rgb::ONE, false, false).unwrap();
     assert!(ProjectionMap::of_area(&away, 1.0, &[target]).is_none());
