@@ -132,9 +132,9 @@ impl Reaches {
         (step.abs() * self.overlap <= LARGEST_STEP * reach.radius).then_some(error)
     }
 
-    /// Radius of a record: as large as the error allows, within limits that depend on the pixel size. When the cache is
-    /// read, it is no larger than the distance of the nearest surface the record saw, behind which the record is not
-    /// valid, or about a pixel if that is larger.
+    /// Radius of a record: as large as the error allows, within limits that depend on the pixel size. It is no larger
+    /// than the distance of the nearest surface the record saw, behind which the record is not valid, or about a pixel
+    /// if that is larger; while the cache is filled, this limit is divided by [`LEAST_OVERLAP`].
     fn radius(&self, place: &Place, harmonic: f32, nearest: f32) -> f32 {
         let limit =
             |(pixels, share): (f32, f32)| (pixels * place.footprint).min(share * self.settings.bounds.1);
