@@ -1,23 +1,23 @@
-//! Scattering where the shading normal is not the geometric one: by interpolation, bumps, or normal maps.
+//! Scattering where the shading normal differs from the geometric normal, by interpolation, bumps or normal maps.
 //!
 //! A BSDF scatters around the shading normal `z`, and some of its directions lie on the wrong side of the surface, whose
-//! geometric normal is `n`. That light is not absorbed; a rule for each lobe sends it elsewhere, by a map of directions that
-//! keeps solid angles, so that what is reflected and transmitted in all is exactly what the BSDF reflects and transmits:
+//! geometric normal is `n`. That light is not absorbed. A rule for each lobe redirects it by a map of directions that preserves
+//! solid angles. The total reflected and transmitted light is therefore exactly that of the BSDF:
 //!
 //! - **Specular and highly glossy lobes are folded**: a direction on the wrong side of the surface is mirrored about the
 //!   surface, `w - 2 (w.n) n`. The image in a mirror has no seam there. (Keller et al., "The Iray Light Transport
-//!   Simulation and Rendering System", 2017, also bend the direction back to the surface, but to one place just above it, which has no
-//!   adjoint for photons.)
-//! - **The diffuse lobe is turned**: of each direction the share [`Bend::kept`] goes on, and the rest goes to where the
-//!   direction would be if the lobe stood on `n`, turned by the rotation from `z` to `n`. The share is that of Chiang, Li & Burley,
-//!   "Taming the Shadow Terminator" (SIGGRAPH 2019 Talks): one where light comes from high above the surface, falling smoothly to
-//!   zero at its horizon, so that the light on coarse meshes ends without steps. They lose the rest.
+//!   Simulation and Rendering System", 2017, also bend the direction back to the surface, but to a single direction just above it,
+//!   which has no adjoint for photons.)
+//! - **The diffuse lobe is turned**: the share [`Bend::kept`] of each direction keeps the direction; the rest is rotated by the
+//!   rotation from `z` to `n`, as if the lobe stood on `n`. The share is that of Chiang, Li & Burley, "Taming the Shadow Terminator"
+//!   (SIGGRAPH 2019 Talks): one where light comes from high above the surface, falling smoothly to zero at its horizon, so that the
+//!   light on coarse meshes ends without steps. Their method loses the rest.
 //!
-//! Seen from between the planes of both normals the shading normal faces away, and the geometric one takes its place (the
-//! caller does that).
+//! Seen from between the planes of both normals, the shading normal faces away. The caller then replaces it by the geometric
+//! normal.
 //!
-//! Photons follow the adjoint of this, [`Bent::scatter_photon`]: the densities of flux that cross the surface have the geometric
-//! cosine where radiance has that to the shading normal (Veach 1997, section 5.3).
+//! Photons follow the adjoint of these rules, [`Bent::scatter_photon`]: the density of flux through the surface contains the
+//! geometric cosine where radiance contains the cosine to the shading normal (Veach 1997, section 5.3).
 
 use super::{Bsdf, BsdfSample, Lobe, TransportMode, sides_agree};
 use crate::math::Rgb;

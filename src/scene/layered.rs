@@ -60,7 +60,7 @@ pub struct LayeredMaterial {
     pub coat_roughness_map: Option<TextureSlot>,
     /// Normals of the coat.
     pub coat_normal: Option<TextureSlot>,
-    /// Factor on the emission; vertex colours multiply the emission as well where they are used.
+    /// Texture that multiplies the emission.
     pub emission: Option<TextureSlot>,
     /// The material shows its base colour independently of the light: it emits the colour and reflects nothing.
     pub unlit: bool,
