@@ -18,9 +18,8 @@ use std::f32::consts::FRAC_1_PI;
 /// where `t`, `v` and `v'` are the cosines of the half vector, `wo` and `wi` to the normal, `u` is the cosine of `wo` to the half
 /// vector, and `w` is the cosine of the half vector's projection to the tangent; `Z(t) = r / (1 + r t^2 - t^2)^2`,
 /// `A(w) = sqrt(p / (p^2 - p^2 w^2 + w^2))`, `G(v) = v / (r - r v + v)`. The roughness `r` ranges from ideal specular (0) to ideal
-/// diffuse (1) and also
-/// divides the energy: `b = 4 r (1 - r)`; the rest goes to `a` where `r > 1/2` and otherwise to `c`. `Z` is the GGX distribution with
-/// `alpha^2 = r`.
+/// diffuse (1) and also divides the energy: `b = 4 r (1 - r)`; the rest goes to `a` where `r > 1/2` and otherwise to `c`. `Z` is the
+/// GGX distribution with `alpha^2 = r`.
 ///
 /// [`Form::Printed`] is this formula. Its `G` masks less at grazing angles than the facets would, so that its albedo exceeds one there
 /// (1.18 for `r = 0.1` at the cosine 0.09; at most 1.6, for `r` about 0.25 at cosines below 0.01). [`Form::Bounded`] takes the smaller
