@@ -20,7 +20,6 @@
 //!
 //! Where nothing is scattered (black side, zero reflectance, `wo.z` zero or NaN), `eval` and `pdf_solid_angle` return zero and `sample`
 //! returns `None`. No function here returns NaN or a direction that is not of unit length.
-//! zero reflectance, `wo.z` zero or NaN. Nothing here returns NaN or a direction that is not of unit length.
 
 mod bent;
 mod conductor;

@@ -425,7 +425,7 @@ mod tests {
                     None => none += 1,
                 }
             }
-            // The share of failed samples equals what the sum lacks to one.
+            // The share of failed samples equals one minus the sum of the probabilities.
             assert!((f64::from(none) / f64::from(n) - (1.0 - sum)).abs() < 0.01, "{none} {sum}");
             let (mut statistic, mut freedom) = (0.0, 0.0);
             for (light, &drawn) in counts.iter().enumerate() {

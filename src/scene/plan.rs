@@ -128,8 +128,8 @@ impl RenderPlan {
         }
     }
 
-    /// The same plan for a measurement of the irradiance at this number of `receivers`, which counts whatever they reflect. Maps are
-    /// then built for them even where nothing else would read any.
+    /// The same plan for a measurement of the irradiance at `receivers` points. Their irradiance is needed whatever they reflect, so
+    /// that maps are built even where nothing else would read them.
     #[must_use]
     pub fn with_receivers(mut self, scene: &Scene, integrator: IntegratorKind, receivers: usize) -> Self {
         let mut facts = Facts::of(scene);

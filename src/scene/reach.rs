@@ -20,7 +20,7 @@ fn off_surface(position: Vec3, normal: Vec3) -> Vec3 {
 /// compared with the distance, and the path passes over them.
 const WAY_RISE: f32 = 0.2;
 
-/// Surfaces whose normals differ by less than this angle count as the same surface: 45 degrees, as for photons.
+/// Smallest cosine between the normals of points that count as the same surface: 45 degrees, as for photons.
 pub(super) const SAME_SURFACE_COS: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 impl Scene {

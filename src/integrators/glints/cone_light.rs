@@ -4,8 +4,9 @@
 //! spread over the lobe. No shadow ray finds this light and the probability of hitting it is small, so that it appears as white dots.
 //! The mirror is therefore treated as less sharp than it is (path-space regularisation: Kaplanyan & Dachsbacher, "Path Space
 //! Regularization for Holistic and Robust Light Transport", Eurographics 2013): the light of small emitters is spread over a cone around
-//! the mirrored direction and found by shadow rays. The width of the cone is the spread by the mirror of the part of the lobe and pixel
-//! that the ray represents. The width vanishes as the number of samples grows, and what a mirror shows sharply by itself is not changed.
+//! the mirrored direction and found by shadow rays. A ray represents a cone of directions among the samples of its lobe and pixel; the
+//! cone here is as wide as the mirror spreads those directions. Its width vanishes as the number of samples grows, and what a mirror
+//! shows sharply by itself is not changed.
 
 use super::finder::{GlintFinder, Lamp};
 use crate::bsdf::Lobe;

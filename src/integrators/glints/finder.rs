@@ -300,7 +300,6 @@ impl<'a> GlintFinder<'a> {
     ///
     /// An emitter whose image is so small that few renderings show it there is then no brighter in those than its image is on average
     /// over all renderings. The light that is left out vanishes as the number of samples grows.
-    /// mean of all. What is left out vanishes as samples become many.
     pub(super) fn certainty(
         &self,
         camera: &CameraRay<'_>,

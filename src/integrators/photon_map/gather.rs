@@ -36,7 +36,7 @@ const LANDINGS: u32 = u32::MAX - 2;
 const COMPARE_OR_NOT: u32 = 1 << 31;
 
 /// Share of the comparable gather rays that are compared with the map, in rounds of progressive rendering. Each comparison costs one
-/// lookup; all of them cost 6 % of the time in a scene that is lit by little else.
+/// lookup; all of them together cost 6 % of the time in a scene that is lit by little but indirect light.
 const COMPARED_SHARE: f32 = 0.5;
 
 /// An estimate from fewer photons than this is poor.
