@@ -1,4 +1,5 @@
-//! Shading normals beside the geometric one: no light is lost, densities are what is drawn, and photons agree with paths.
+//! Tests of shading normals that differ from the geometric one: no light is lost, densities agree with samples, and photons agree with
+//! paths.
 
 use super::chi_square::ChiSquare;
 use super::tests::direction;
@@ -10,7 +11,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 const RADIANCE: TransportMode = TransportMode::Radiance;
 
-/// One of each kind, with lobes of every class.
+/// One model of each kind, with lobes of every class.
 fn models() -> Vec<Bsdf> {
     let white = |roughness| Bsdf::Conductor(Conductor::new(Metal::Colour(Rgb::ONE), [roughness; 2]));
     let layered = |p: LayeredParameters| Bsdf::Layered(Layered::new(&p));
@@ -30,12 +31,12 @@ fn models() -> Vec<Bsdf> {
         layered(LayeredParameters { roughness: [0.3; 2], ..plastic }),
         layered(LayeredParameters { roughness: [0.5; 2], coat: 1.0, ..plastic }),
         layered(LayeredParameters { roughness: [0.3; 2], ..glass }),
-        // The last: its frame turns to the side that it is seen from.
+        // The last one turns its frame to the side from which it is seen.
         layered(LayeredParameters { transmission: 0.7, body: Body::Thin, roughness: [0.2; 2], ..plastic }),
     ]
 }
 
-/// Geometric normals in the shading frame: a little and far from it.
+/// Geometric normals in the shading frame, close to the shading normal and far from it.
 fn bends() -> [Vec3; 3] {
     [Vec3::new(0.1, 0.05, 1.0), Vec3::new(-0.6, 0.2, 1.0), Vec3::new(0.3, -1.7, 1.0)]
         .map(|n| unit(n).unwrap())
@@ -45,14 +46,14 @@ fn has_back(bsdf: &Bsdf) -> bool {
     bsdf.sample(-Vec3::Z, 0.5, Vec2::splat(0.5), RADIANCE).is_some()
 }
 
-/// Directions to look from: those from which both normals are seen from the same side.
+/// View directions from which both normals are seen from the same side.
 fn eyes(normal: Vec3) -> impl Iterator<Item = Vec3> {
     let all =
         [0.95f32, 0.6, 0.2, -0.5].into_iter().flat_map(|cos| [0.3, 1.9, 4.0].map(|phi| direction(cos, phi)));
     all.filter(move |w| sides_agree(*w, Vec3::Z, normal))
 }
 
-/// What leaves is what would leave from a surface whose normals are the same, sample by sample: in a furnace none is lost.
+/// The reflected light equals that of a surface with equal normals, sample by sample: in a furnace none is lost.
 #[test]
 fn a_bent_normal_loses_nothing() {
     let mut rng = Rng::new(1, Stream::Measure, 0);
@@ -104,7 +105,7 @@ fn bent_samples_follow_the_density() {
     }
 }
 
-/// What shadow rays find is what samples find.
+/// The light found by evaluation equals the light found by sampling.
 #[test]
 fn bent_values_sum_to_what_is_sampled() {
     const SAMPLES: u32 = 40_000;
@@ -119,7 +120,7 @@ fn bent_values_sum_to_what_is_sampled() {
                 let (u_lobe, u) = (rng.next_f32(), rng.next_2d());
                 let sample = bent.sample_lobe(lobe, u_lobe, u, RADIANCE);
                 by_samples += sample.map_or(0.0, |s| f64::from(s.throughput.x));
-                // Drawn half by the lobe and half evenly; nothing where the lobe draws nothing.
+                // Half of the directions come from the lobe and half are uniform. Where the lobe yields no sample, the value is zero.
                 let wi = if rng.next_f32() < 0.5 {
                     let Some(sample) = sample else { continue };
                     sample.wi
@@ -142,7 +143,7 @@ fn bent_values_sum_to_what_is_sampled() {
     }
 }
 
-/// Light that reaches the geometric horizon goes out without a step.
+/// The reflected light falls to zero continuously as the light reaches the geometric horizon.
 #[test]
 fn diffuse_light_ends_without_a_step() {
     let bsdf = Bsdf::Lambert(Lambert { reflectance: Rgb::ONE });
@@ -169,7 +170,7 @@ fn bin(wo: Vec3, wi: Vec3) -> usize {
     octant(wo) << 3 | octant(wi)
 }
 
-/// Flux from each octant to each, in a uniform field of light, by paths and by photons: the adjoint is one.
+/// Flux from each octant to each other one in a uniform light field agrees between paths and photons, so that photons use the adjoint.
 #[test]
 fn photons_scatter_as_paths_see() {
     const SAMPLES: u32 = 150_000;
@@ -180,7 +181,7 @@ fn photons_scatter_as_paths_see() {
             let frame = Frame::from_z(normal);
             let both = has_back(&bsdf);
             let [mut paths, mut photons] = [[(0.0f64, 0.0f64); 64]; 2];
-            // In the frame of the geometric normal, where it takes the place of the shading normal.
+            // In the frame of the geometric normal, which replaces the shading normal there.
             let flat = |w: Vec3| frame.to_local(w);
             let bend = Bend::new(normal);
             for _ in 0..SAMPLES {
@@ -208,7 +209,7 @@ fn photons_scatter_as_paths_see() {
                 if agrees {
                     let bent = Bent { bsdf: &bsdf, wo: start, bend };
                     for sample in bent.scatter_photon(u_lobe, u).into_iter().flatten() {
-                        // Large weights at grazing angles are rare; nothing here rests on them.
+                        // Large weights at grazing angles are rare, and no result here depends on them.
                         add(&mut photons, bin(sample.wi, start), sample.throughput.x);
                     }
                 }
@@ -233,7 +234,7 @@ fn photons_scatter_as_paths_see() {
     }
 }
 
-/// The share that photons keep is what a Lambertian surface reflects.
+/// The share that photons keep equals the reflected light of a Lambertian surface.
 #[test]
 fn the_share_of_photons_is_that_of_lambert() {
     let bsdf = Bsdf::Lambert(Lambert { reflectance: Rgb::ONE });

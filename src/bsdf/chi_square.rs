@@ -1,24 +1,24 @@
-//! Pearson's chi-square test of samples against the density that claims to describe them, after `chi2.py` of
-//! Mitsuba 3. For tests only, of this and of other rooms.
+//! Pearson's chi-square test of samples against their stated density, after `chi2.py` of Mitsuba 3. Only for tests, of this and of other
+//! modules.
 
 use crate::sampling::{Rng, Stream};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 
-/// Probability with which a correct sampler fails one of the [`ChiSquare::runs`] that a test makes in all.
+/// Probability with which a correct sampler fails any of the [`ChiSquare::runs`] tests.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// Bins expected to hold fewer samples are pooled: below that the statistic does not follow its distribution.
+/// Bins with a smaller expected number of samples are pooled, because the statistic does not follow its distribution below that.
 const MIN_EXPECTED: f64 = 5.0;
 
 /// Settings of a test.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChiSquare {
-    /// Bins in the first and second coordinate.
+    /// Number of bins in the first and second coordinate.
     pub(crate) bins: [usize; 2],
-    /// Samples drawn.
+    /// Number of samples.
     pub(crate) samples: u64,
-    /// Number of tests over which the significance of 0.01 is shared (Sidak).
+    /// Number of tests that share the significance of 0.01 (Sidak).
     pub(crate) runs: u32,
     /// Seed of the samples.
     pub(crate) seed: u64,
@@ -31,9 +31,9 @@ impl Default for ChiSquare {
 }
 
 impl ChiSquare {
-    /// Tests directions against a density per solid angle. Bins divide `1 - z` in `[0, max_drop]` (2 for the
-    /// whole sphere) and the azimuth evenly, so all have the same solid angle. A `None` from `sample` is mass
-    /// that the density must lack. Returns the p-value, or what is wrong.
+    /// Tests directions against a density per solid angle. Bins divide `1 - z` in `[0, max_drop]` (2 for the whole sphere) and the
+    /// azimuth evenly, so that all have the same solid angle. A `None` from `sample` stands for probability that the density must lack.
+    /// Returns the p-value, or a description of the error.
     pub(crate) fn directions(
         &self,
         max_drop: f64,
@@ -58,7 +58,7 @@ impl ChiSquare {
         )
     }
 
-    /// Tests points of the unit square against a density per area of it. Otherwise as [`Self::directions`].
+    /// Tests points of the unit square against a density per area of it. Otherwise like [`Self::directions`].
     pub(crate) fn unit_square(
         &self,
         mut sample: impl FnMut(&mut Rng) -> Option<DVec2>,
@@ -75,7 +75,7 @@ impl ChiSquare {
             };
             let index = |x: f64, n: usize| ((x * n as f64).max(0.0) as usize).min(n - 1);
             observed[index(p.x, nx) * ny + index(p.y, ny)] += 1;
-            // Rounding may leave the domain by a little; more is an error of the sampler.
+            // Rounding may leave the domain slightly; anything beyond that is an error of the sampler.
             if !(p.x > -1e-6 && p.x < 1.0 + 1e-6 && p.y > -1e-6 && p.y < 1.0 + 1e-6) {
                 return Err(format!("sample outside the domain: {p}"));
             }
@@ -90,7 +90,7 @@ impl ChiSquare {
         if total.is_nan() || total > self.samples as f64 * 1.001 {
             return Err(format!("density integrates to {}", total / self.samples as f64));
         }
-        // What the density lacks must be the samples that failed.
+        // The probability that the density lacks must match the samples that failed.
         observed.push(missing);
         expected.push((self.samples as f64 - total).max(0.0));
         self.judge(&observed, &expected)
@@ -113,7 +113,7 @@ impl ChiSquare {
                 (pooled_observed, pooled_expected) = (0, 0.0);
             }
         }
-        // The rest, if any, is fewer than five expected samples: more than a handful observed there is wrong.
+        // The remaining bins expect fewer than five samples; many more than that are an error.
         if pooled_observed as f64 > pooled_expected + 10.0 * MIN_EXPECTED {
             return Err(format!("{pooled_observed} samples where {pooled_expected} are expected"));
         }
@@ -126,7 +126,7 @@ impl ChiSquare {
     }
 }
 
-/// Integral of `pdf` over one bin: Gauss-Legendre of three points in each of 4 x 4 parts.
+/// Integral of `pdf` over one bin: Gauss-Legendre quadrature with three points in each of 4 x 4 parts.
 fn integrate_bin(pdf: &impl Fn(DVec2) -> f64, bin: [usize; 2], bins: [usize; 2]) -> f64 {
     const PARTS: usize = 4;
     const NODES: [(f64, f64); 3] =
@@ -145,9 +145,8 @@ fn integrate_bin(pdf: &impl Fn(DVec2) -> f64, bin: [usize; 2], bins: [usize; 2])
     sum / (PARTS * PARTS * bins[0] * bins[1]) as f64
 }
 
-/// Probability that chi-square with `degrees` of freedom exceeds `statistic`: the regularised upper
-/// incomplete gamma function `Q(degrees / 2, statistic / 2)`, by the finite sum that integer degrees allow
-/// (Abramowitz & Stegun 26.4.4 and 26.4.5), with all terms as logarithms.
+/// Probability that chi-square with `degrees` of freedom exceeds `statistic`: the regularised upper incomplete gamma function `Q(degrees
+/// / 2, statistic / 2)`, by the finite sum for integer degrees (Abramowitz & Stegun 26.4.4 and 26.4.5), with all terms as logarithms.
 fn chi_square_tail(statistic: f64, degrees: u32) -> f64 {
     if statistic <= 0.0 {
         return 1.0;
@@ -187,7 +186,7 @@ fn erfc(x: f64) -> f64 {
 
 #[test]
 fn tail_of_the_distribution() {
-    // Quantiles of printed tables.
+    // Quantiles from printed tables.
     for (degrees, statistic, p) in
         [(1, 3.841, 0.05), (2, 9.210, 0.01), (10, 18.307, 0.05), (99, 134.642, 0.01)]
     {
@@ -208,8 +207,7 @@ fn catches_a_wrong_density() {
     };
     let right = |rng: &mut Rng| Some(square_to_cosine_hemisphere(rng.next_2d()).as_dvec3());
     test(&right, &cosine).unwrap();
-    // Uniform instead of cosine; another exponent by 3 %; flux that is lost; a direction rotated out of the
-    // hemisphere.
+    // Uniform instead of cosine; an exponent that differs by 3 %; lost flux; a direction rotated out of the hemisphere.
     test(&right, &|w| if w.z > 0.0 { 1.0 / TAU } else { 0.0 }).unwrap_err();
     test(&right, &|w| w.z.max(0.0).powf(1.03) * 2.03 / TAU).unwrap_err();
     test(&|rng| right(rng).filter(|_| rng.next_f32() > 0.01), &cosine).unwrap_err();

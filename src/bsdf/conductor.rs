@@ -1,20 +1,22 @@
+//! Metals: Fresnel reflectance of conductors, and rough metal surfaces.
+
 use super::ggx::{Ggx, SMOOTH_ROUGHNESS, half_vector, reflect_about};
 use super::part::PartSample;
 use super::reflect;
 use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 
-/// How much a metal reflects by angle.
+/// Reflectance of a metal by angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Metal {
-    /// Exact for an index of refraction `eta + i k` per channel, against air.
+    /// Exact formula for an index of refraction `eta + i k` per channel, against air.
     Index {
         /// Real part.
         eta: Rgb,
         /// Imaginary part, the extinction coefficient.
         k: Rgb,
     },
-    /// By the colour at normal incidence, and Schlick's approximation (1994) for the rest.
+    /// Colour at normal incidence, with Schlick's approximation (1994) for other angles.
     Colour(Rgb),
 }
 
@@ -59,8 +61,8 @@ pub fn fresnel_conductor(cosine: f32, eta: f32, k: f32) -> f32 {
     if r.is_nan() { 1.0 } else { r.clamp(0.0, 1.0) }
 }
 
-/// A rough metal: GGX microfacets that reflect like the metal, once. What is reflected from facet to facet is lost, so
-/// the albedo falls with roughness: 0.31 at roughness one and normal incidence for a metal that reflects everything.
+/// A rough metal: GGX microfacets that reflect once like the metal. Light reflected from facet to facet is lost, so that the albedo
+/// falls with roughness: 0.31 at roughness one and normal incidence for a metal that reflects everything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conductor {
     metal: Metal,
@@ -68,14 +70,14 @@ pub struct Conductor {
 }
 
 impl Conductor {
-    /// True where a rotation about the normal changes anything.
+    /// Whether a rotation about the normal changes the model.
     #[inline]
     pub fn is_anisotropic(&self) -> bool {
         self.facets.along != self.facets.across
     }
 
-    /// Roughness along the frame's x axis and across it, the alpha of GGX, in `[0, 1]`. If both are below
-    /// [`SMOOTH_ROUGHNESS`], a mirror.
+    /// `roughness` is the GGX alpha along the frame's x axis and across it, in `[0, 1]`. If both values are below [`SMOOTH_ROUGHNESS`],
+    /// the metal is a mirror.
     pub fn new(metal: Metal, [along, across]: [f32; 2]) -> Self {
         let facets = if along < SMOOTH_ROUGHNESS && across < SMOOTH_ROUGHNESS {
             Ggx { along: 0.0, across: 0.0 }
@@ -85,7 +87,7 @@ impl Conductor {
         Self { metal, facets }
     }
 
-    /// True for a mirror.
+    /// Whether the metal is a mirror.
     #[inline]
     pub fn is_smooth(&self) -> bool {
         self.facets.along == 0.0
@@ -97,8 +99,8 @@ impl Conductor {
         self.facets.along.min(self.facets.across)
     }
 
-    /// The reflectance at the normal, what the lobe reflects but for masking; above zero for a rough metal, which
-    /// reflects by other facets where those at the normal are black.
+    /// The reflectance at this angle, which is the lobe's albedo without masking. It is positive for a rough metal, which may reflect by
+    /// other facets where those at the normal are black.
     #[inline]
     pub(super) fn albedo(&self, wo: Vec3) -> Rgb {
         let least = if self.is_smooth() { 0.0 } else { 1e-3 };

@@ -1,8 +1,10 @@
+//! Fresnel reflectance of smooth interfaces, and the mirrored and refracted directions.
+
 use glam::Vec3;
 
-/// Squared cosine on the far side times `eta^2`, from the cosine on the near side: negative beyond the
-/// critical angle. Written with `eta - 1`, which is exact near one, so that neither grazing angles nor nearly
-/// matched indices cancel as in `1 - sin^2 / eta^2`.
+/// Squared cosine on the far side times `eta^2`, from the cosine on the near side: negative beyond the critical angle. The formula uses
+/// `eta - 1`, which is exact near one, so that there is no cancellation at grazing angles or for nearly matched indices, as there is in
+/// `1 - sin^2 / eta^2`.
 #[inline]
 fn scaled_cos_squared(cos_i: f32, eta: f32) -> f32 {
     (eta - 1.0) * (eta + 1.0) + cos_i * cos_i
@@ -10,12 +12,12 @@ fn scaled_cos_squared(cos_i: f32, eta: f32) -> f32 {
 
 /// Fraction of unpolarised light that a smooth interface reflects, in `[0, 1]`.
 ///
-/// `cos_i` is the cosine between the incident direction and the normal, of either sign; `eta` is the index of
-/// refraction on the far side over that on the incident side. One beyond the critical angle.
+/// `cos_i` is the cosine between the incident direction and the normal, of either sign; `eta` is the index of refraction on the far side
+/// over that on the incident side. The result is one beyond the critical angle.
 ///
-/// The amplitudes of Born & Wolf, *Principles of Optics*, section 1.5.2, multiplied out so that no difference
-/// of nearly equal numbers is left: with `a = eta cos_t`, `r_s = -(eta^2 - 1) / (cos_i + a)^2` and `r_p =
-/// (eta^2 - 1) ((eta^2 + 1) cos_i^2 - 1) / (eta^2 cos_i + a)^2`.
+/// The amplitudes of Born & Wolf, *Principles of Optics*, section 1.5.2, multiplied out so that no difference of nearly equal numbers
+/// remains: with `a = eta cos_t`, `r_s = -(eta^2 - 1) / (cos_i + a)^2` and `r_p = (eta^2 - 1) ((eta^2 + 1) cos_i^2 - 1) / (eta^2 cos_i +
+/// a)^2`.
 #[inline]
 pub fn fresnel_dielectric(cos_i: f32, eta: f32) -> f32 {
     if eta == 1.0 {
@@ -36,8 +38,8 @@ pub fn fresnel_dielectric(cos_i: f32, eta: f32) -> f32 {
     (0.5 * (r_s * r_s + r_p * r_p)).min(1.0)
 }
 
-/// Cosine of the critical angle, measured on the incident side: all light at smaller cosines is reflected.
-/// Zero where `eta`, the far index over the incident one, is at least one.
+/// Cosine of the critical angle, measured on the incident side: light at smaller cosines is reflected completely. Zero where `eta`, the
+/// far index over the incident one, is at least one.
 pub fn critical_cosine(eta: f32) -> f32 {
     ((1.0 - eta) * (1.0 + eta)).max(0.0).sqrt()
 }
@@ -48,19 +50,18 @@ pub fn reflect(wo: Vec3) -> Vec3 {
     Vec3::new(-wo.x, -wo.y, wo.z)
 }
 
-/// The refracted direction of the local unit vector `wo`, leaving the surface on the other side, unit length
-/// with `z != 0`; `None` beyond the critical angle and where `wo.z` is zero. `eta` is the index of refraction
-/// on the far side over that on the side of `wo` (Snell: `sin_i = eta sin_t`). Leaving a dense medium, `eta <
-/// 1`, the error of `cos_t^2` is that of `wo.z` over `eta^2`: 1e-7 for water or diamond, but without meaning
-/// for an index of 1000.
+/// The refracted direction of the local unit vector `wo`, pointing away from the surface on the other side, unit length with `z != 0`.
+/// `None` beyond the critical angle and where `wo.z` is zero. `eta` is the index of refraction on the far side over that on the side of
+/// `wo` (Snell: `sin_i = eta sin_t`). For light that leaves a dense medium, `eta < 1`, the error of `cos_t^2` is that of `wo.z` over
+/// `eta^2`: 1e-7 for water or diamond, but meaningless for an index of 1000.
 #[inline]
 pub fn refract(wo: Vec3, eta: f32) -> Option<Vec3> {
     let a_squared = scaled_cos_squared(wo.z, eta);
     if !(a_squared > 0.0 && wo.z != 0.0) {
         return None;
     }
-    // Everything scaled by eta; the division by the length, which is eta but for rounding, makes it a unit
-    // vector whatever the error of `wo`, so that errors do not grow along a path of many refractions.
+    // All components are scaled by eta. The division by the length, which is eta except for rounding, makes the result a unit vector
+    // whatever the error of `wo`, so that errors do not grow along a path of many refractions.
     let scaled = Vec3::new(-wo.x, -wo.y, -a_squared.sqrt().copysign(wo.z));
     Some(scaled / scaled.length())
 }
@@ -104,7 +105,7 @@ mod tests {
 
     #[test]
     fn slab_with_all_interreflections() {
-        // (1 - R) / (1 + R): what a tracer of unpolarised light converges to.
+        // (1 - R) / (1 + R): the value to which a tracer of unpolarised light converges.
         let table = [(1.5, 0.0, 0.92308), (1.5, 60.0, 0.83623), (1.5, 85.0, 0.24008), (1.33, 60.0, 0.88835)];
         for (n, degrees, want) in table {
             let r = fresnel_dielectric(cos_of_degrees(degrees), n);
@@ -121,7 +122,7 @@ mod tests {
                     continue;
                 }
                 let (r, want) = (fresnel_dielectric(cos_i, eta), textbook(f64::from(cos_i), f64::from(eta)));
-                // The f64 formula itself cancels near eta = 1.
+                // The f64 formula itself suffers from cancellation near eta = 1.
                 let tolerance = 5e-6 * want + 1e-15;
                 assert!((f64::from(r) - want).abs() < tolerance, "eta {eta}, cos {cos_i}: {r} {want}");
             }
@@ -151,15 +152,15 @@ mod tests {
 
     #[test]
     fn both_ways_reflect_alike() {
-        // Stokes: R seen from outside at theta_i equals R seen from inside at theta_t.
+        // Stokes: R from outside at theta_i equals R from inside at theta_t.
         for n in [1.0001f32, 1.33, 1.5, 2.417, 10.0] {
             for step in 1..200 {
                 let cos_i = step as f32 / 200.0;
                 let wo = Vec3::new((1.0 - cos_i * cos_i).sqrt(), 0.0, cos_i);
                 let wt = refract(wo, n).unwrap();
                 let (outside, inside) = (fresnel_dielectric(wo.z, n), fresnel_dielectric(wt.z, 1.0 / n));
-                // Close to the critical angle R is a steep function of a cosine that f32 holds to 1e-7:
-                // the squared cosine outside is off by 1e-7 n^2, the cosine by that over cos_i.
+                // Close to the critical angle R is a steep function of a cosine that f32 represents to 1e-7: the squared cosine outside
+                // has an error of 1e-7 n^2, and the cosine has that error divided by cos_i.
                 let tolerance = 3e-7 * n.powi(3) / cos_i + 1e-3 * outside;
                 assert!((outside - inside).abs() < tolerance, "n {n}: {outside} {inside}");
             }
@@ -192,7 +193,7 @@ mod tests {
         for (degrees, want) in [(15.0f32, 0.089615), (30.0, 0.193814), (45.0, 0.329142), (75.0, 0.748080)] {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let inside = refract(Vec3::new(-sin, 0.0, cos), 1.5).unwrap();
-            // Inside the slab the ray moves by tan(theta_t) where the straight ray moves by tan(theta).
+            // Inside the slab the ray moves sideways by tan(theta_t), where the straight ray moves by tan(theta).
             let shift = (sin / cos - inside.x / -inside.z) * cos;
             assert!((shift - want).abs() < 2e-6, "{degrees}: {shift}");
         }

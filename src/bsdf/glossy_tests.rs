@@ -1,4 +1,4 @@
-//! The glossy models: density, energy, reciprocity, and the way to the smooth limit.
+//! Tests of the glossy models: density, energy, reciprocity, and the smooth limit.
 
 use super::chi_square::ChiSquare;
 use super::tests::direction;
@@ -27,7 +27,7 @@ fn schlick(roughness: f32, isotropy: f32, form: Form) -> Bsdf {
     Bsdf::Schlick(Schlick::new(Rgb::splat(0.6), roughness, isotropy, form))
 }
 
-/// One of each, on both sides of the threshold.
+/// One model of each kind, on both sides of the threshold.
 fn models() -> Vec<Bsdf> {
     let mut models = vec![
         metal(METALS[2].1, 0.2, 0.2),
@@ -102,7 +102,7 @@ fn sample_agrees_with_eval_and_pdf() {
                 let want =
                     bsdf.eval(lobe, wo, sample.wi, mode) * (sample.wi.z.abs() / sample.pdf_solid_angle);
                 let off = (sample.throughput - want).abs().max_element();
-                // Near its threshold a refraction is as ill-conditioned as Fresnel's formula there.
+                // Near its critical angle a refraction is as ill-conditioned as Fresnel's formula.
                 let bound = 5e-3 * want.max_element() + 1e-3;
                 assert!(off < bound, "{bsdf:?} {wo}: {sample:?}, not {want}");
             }
@@ -110,7 +110,7 @@ fn sample_agrees_with_eval_and_pdf() {
     }
 }
 
-/// Mean throughput over what [`Bsdf::sample`] draws, in flux, and its standard error.
+/// Mean throughput over samples of [`Bsdf::sample`], in flux, and its standard error.
 fn albedo(bsdf: &Bsdf, wo: Vec3, samples: u64) -> (f64, f64) {
     let mut rng = Rng::new(22, Stream::Measure, u64::from(wo.z.to_bits()));
     let (mut sum, mut squares) = (0.0, 0.0);
@@ -166,7 +166,7 @@ fn white_furnace_of_bounded_models() {
     }
 }
 
-/// What the doc comments say of the printed formulas: that they do exceed one, and about where.
+/// Claims of the doc comments about the printed formulas: their albedo exceeds one, at about these angles.
 #[test]
 fn printed_forms_exceed_one() {
     let ward = |alpha| Bsdf::Ward(Ward::new(Rgb::ZERO, Rgb::ONE, [alpha; 2], Form::Printed));
@@ -176,7 +176,7 @@ fn printed_forms_exceed_one() {
         println!("{bsdf:?} at cosine {cosine}: {mean:.4} +- {error:.4}");
         assert!(mean > 1.05, "{bsdf:?}: {mean}");
     }
-    // Ward's own loses light long before.
+    // Ward's printed form already loses light at 60 degrees.
     let (mean, error) = albedo(&ward(0.02), direction(0.5, 0.0), 100_000);
     assert!((mean - 0.5).abs() < 0.01 + 4.0 * error, "{mean}");
 }
@@ -202,11 +202,11 @@ fn albedo_of_samples_is_that_of_values() {
     }
 }
 
-/// Albedo of GGX, single scattering, at normal incidence: with `G2 = G1(wi)` that is an integral over the angle of the
-/// facet, here by Simpson's rule in f64; for roughness one it is `1 - ln 2`.
+/// Single-scattering albedo of GGX at normal incidence. With `G2 = G1(wi)` it is an integral over the angle of the facet, computed here
+/// by Simpson's rule in f64; for roughness one it is `1 - ln 2`.
 fn ggx_at_normal_incidence(alpha: f64) -> f64 {
     let f = |t: f64| {
-        // t: cosine of the facet, from 1/sqrt(2) where the reflected ray grazes.
+        // t: cosine of the facet, from 1/sqrt(2), where the reflected ray grazes the surface.
         let (a2, c) = (alpha * alpha, 2.0 * t * t - 1.0);
         let d = a2 / (PI * ((a2 - 1.0) * t * t + 1.0).powi(2));
         let g1 = 2.0 * c / (c + (c * c + a2 * (1.0 - c * c)).sqrt());
@@ -248,13 +248,13 @@ fn reciprocity() {
             if matches!(bsdf, Bsdf::RoughDielectric(_)) && rng.next_f32() < 0.5 {
                 b.z = -b.z;
             }
-            // The adjoint: what radiance meets one way flux meets the other (Veach 1997, section 5.2).
+            // The adjoint: what radiance undergoes in one direction, flux undergoes in the other (Veach 1997, section 5.2).
             let sum =
                 |wo, wi, mode| bsdf.eval(Lobe::Diffuse, wo, wi, mode) + bsdf.eval(Lobe::Glossy, wo, wi, mode);
             let (there, back) = (sum(a, b, RADIANCE), sum(b, a, FLUX));
             let off = (there - back).abs().max_element();
-            // Where a facet refracts at the critical angle transmission is the root of a difference that f32 holds to
-            // 1e-7: few pairs meet one, and they are off by a few percent.
+            // Where a facet refracts at the critical angle, the transmission is the root of a difference that f32 represents to 1e-7.
+            // Few pairs meet such a facet, and they have errors of a few percent.
             let (largest, is_close) = (there.max_element(), off <= 3e-4 * there.max_element() + 1e-6);
             assert!(is_close || a.z * b.z < 0.0 && off < 0.1 * largest, "{bsdf:?} {a} {b}: {there} {back}");
             critical += u32::from(!is_close);
@@ -264,7 +264,7 @@ fn reciprocity() {
     assert!(compared > 10_000 && critical < 20, "{compared} {critical}");
 }
 
-/// Roughness to zero: no NaN, no weight above one, and directions that close on the mirrored and the refracted one.
+/// As roughness goes to zero there is no NaN and no weight above one, and directions converge to the mirrored and the refracted one.
 #[test]
 fn smooth_limit() {
     let us = [0.0, 1e-7, 0.25, 0.5, 0.75, 0.99, ONE_MINUS_EPSILON];
@@ -297,7 +297,7 @@ fn smooth_limit() {
                             let pdf = bsdf.pdf_solid_angle(lobe, wo, sample.wi);
                             assert!(pdf.is_finite() && pdf >= 0.0, "{}", context());
                         }
-                        // All but the tail of the lobe.
+                        // All samples except for the tail of the lobe.
                         let is_narrow =
                             matches!(number, 0 | 2 | 3) && u.max_element() < 0.95 && alpha <= 1e-4;
                         if is_narrow && cos > 1e-3 {
@@ -316,7 +316,7 @@ fn smooth_limit() {
 
 #[test]
 fn metals_reflect_what_was_measured() {
-    // Reflectance at normal incidence in Rec. 709 under D65, of the spectra that the indices were fitted to.
+    // Reflectance at normal incidence in Rec. 709 under D65, of the spectra to which the indices were fitted.
     let want = [
         ("aluminium", [0.9073, 0.9159, 0.9223]),
         ("copper", [0.9317, 0.6227, 0.5223]),
@@ -329,7 +329,7 @@ fn metals_reflect_what_was_measured() {
         assert!(off < 0.004, "{name}: {}", metal.reflectance(1.0));
         assert!((metal.reflectance(0.0) - Rgb::ONE).abs().max_element() < 1e-6);
     }
-    // Without absorption, the dielectric.
+    // Without absorption the result is that of the dielectric.
     for cos in [1.0f32, 0.7, 0.3, 0.05] {
         assert!((fresnel_conductor(cos, 1.5, 0.0) - fresnel_dielectric(cos, 1.5)).abs() < 2e-6);
     }

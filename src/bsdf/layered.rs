@@ -1,5 +1,5 @@
-//! The material of glTF 2.0 (specification, appendix B, with the KHR extensions for index of refraction, specular,
-//! transmission, volume, anisotropy and clear coat) as one model.
+//! Layered model: the material of glTF 2.0 (specification, appendix B, with the KHR extensions for index of refraction, specular,
+//! transmission, volume, anisotropy and clear coat).
 
 use super::ggx::{Ggx, SMOOTH_ROUGHNESS, half_vector, reflect_about};
 use super::layered_albedo::{gloss_albedo, mean_gloss_albedo};
@@ -14,48 +14,48 @@ use crate::sampling::warp::cosine_hemisphere_pdf;
 use glam::{Vec2, Vec3};
 use std::f32::consts::FRAC_1_PI;
 
-/// Reflectance of a clear coat at normal incidence: an index of 1.5 (KHR_materials_clearcoat).
+/// Reflectance of a clear coat at normal incidence, for an index of refraction of 1.5 (KHR_materials_clearcoat).
 const COAT_F0: f32 = 0.04;
 
-/// Up to this reflectance at normal incidence a slightly glossy part on a diffuse one may be read by irradiance alone.
+/// Largest reflectance at normal incidence of a slightly glossy part that may be read together with a diffuse one, by irradiance alone.
 const FAINT_GLOSS: f32 = 0.08;
 
-/// A diffuse part must reflect this much for that.
+/// Smallest reflectance of the diffuse part for that.
 const CLEAR_DIFFUSE: f32 = 0.05;
 
-/// What is below the facets.
+/// What lies below the microfacets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Body {
-    /// Nothing passes.
+    /// No light passes.
     Opaque,
-    /// A sheet without thickness: what passes is not bent.
+    /// A sheet without thickness: light that passes is not bent.
     Thin,
-    /// The border of a medium; the frame is that of the surface, as for [`Dielectric`].
+    /// An interface between media; the frame is that of the surface, as for [`Dielectric`].
     Interface(Dielectric),
 }
 
-/// Parameters in the terms of glTF, textures and factors multiplied already. Colours and shares in `[0, 1]`.
+/// Parameters in the terms of glTF, after textures and factors have been multiplied. Colours and shares are in `[0, 1]`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LayeredParameters {
     /// `baseColor`, without alpha.
     pub base: Rgb,
     /// `metallic`.
     pub metallic: f32,
-    /// The alpha of GGX along the frame's x axis and across it: the square of `roughness`, stretched by anisotropy.
+    /// The GGX alpha along the frame's x axis and across it: the square of `roughness`, stretched by anisotropy.
     pub roughness: [f32; 2],
-    /// `ior`, at least 1; the body's own where that is an interface.
+    /// `ior`, at least 1; an interface uses its own index instead.
     pub ior: f32,
     /// `specularFactor`.
     pub specular: f32,
     /// `specularColorFactor`; may exceed 1.
     pub specular_colour: Rgb,
-    /// `transmissionFactor`; of no effect in an opaque body.
+    /// `transmissionFactor`; has no effect in an opaque body.
     pub transmission: f32,
-    /// What is below.
+    /// What lies below the microfacets.
     pub body: Body,
     /// `clearcoatFactor`.
     pub coat: f32,
-    /// The alpha of GGX of the coat.
+    /// The GGX alpha of the coat.
     pub coat_roughness: f32,
     /// Normal of the coat in the frame, unit length; `Vec3::Z` where it follows the base.
     pub coat_normal: Vec3,
@@ -80,37 +80,37 @@ impl Default for LayeredParameters {
     }
 }
 
-/// A clear coat over GGX facets over a diffuse, transparent or metallic base.
+/// A clear coat over GGX microfacets over a diffuse, transparent or metallic base.
 ///
-/// Facets reflect `F0 + (F90 - F0) (1 - cos)^5`, the mixture of the dielectric's and the metal's; an interface has
-/// Fresnel's formula instead for its dielectric share. The base gets what facets leave, on the way in and on the way out:
-/// `c/pi T(o) T(i) / mean(T)` with `T = 1 - albedo of the facets` (Kelemen & Szirmay-Kalos 2001, section 2.2), so that the
-/// whole is reciprocal and reflects at most what arrives, which the plain `1 - F` of the specification does not. A coat
-/// leaves `T_c(o) T_c(i)` to all below it. Facets scatter once. Interreflection between the layers is left out.
+/// The facets reflect `F0 + (F90 - F0) (1 - cos)^5`, a mixture of dielectric and metal; an interface uses Fresnel's formula for its
+/// dielectric share. The base receives the light that the facets leave, on the way in and on the way out: `c/pi T(o) T(i) / mean(T)`
+/// with `T = 1 - albedo of the facets` (Kelemen & Szirmay-Kalos 2001, section 2.2). The whole model is therefore reciprocal and reflects
+/// at most the incident light, which does not hold for the plain `1 - F` of the specification. A coat leaves `T_c(o) T_c(i)` to
+/// everything below it. Facets scatter once. Interreflection between the layers is neglected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layered {
-    /// Albedo of the diffuse base, the shares of what is metal or transmits taken off.
+    /// Albedo of the diffuse base, without the shares that are metallic or transmitted.
     diffuse: Rgb,
-    /// What of the light that facets let pass goes on behind the surface.
+    /// Share of the light passing the facets that continues behind the surface.
     transmitted: Rgb,
-    /// Of Schlick's term, at normal and at grazing incidence.
+    /// Schlick's term at normal (`f0`) and at grazing incidence (`f90`).
     f0: Rgb,
     f90: f32,
-    /// Of the dielectric alone, largest channel: what the base does not get.
+    /// Schlick's term of the dielectric alone, largest channel: light that the base does not receive.
     over_base: [f32; 2],
-    /// Share of Fresnel's exact term, for interfaces; 0 otherwise.
+    /// Share of Fresnel's exact term, for interfaces; zero otherwise.
     exact: f32,
-    /// Zero slopes for smooth.
+    /// The facets of the base; zero slopes if they are smooth.
     facets: Ggx,
     coat: f32,
     coat_facets: Ggx,
     coat_normal: Vec3,
     body: Body,
-    /// See [`Self::seen_from`].
+    /// Set by [`Self::seen_from`].
     lambert: Option<Lambert>,
 }
 
-/// The parts that are no deltas.
+/// The layers that are not delta distributions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Layer {
     Diffuse,
@@ -118,8 +118,8 @@ enum Layer {
     Coat,
 }
 
-/// Weights of the deltas in one direction: mirrored by the base (and a coat that lies even), passing, mirrored by a coat
-/// whose normal differs.
+/// Weights of the deltas in one direction: mirrored by the base (and by a coat with the same normal), transmitted, and mirrored by a
+/// coat with its own normal.
 struct Deltas {
     mirrored: Rgb,
     passing: Rgb,
@@ -139,7 +139,7 @@ fn is_smooth(facets: &Ggx) -> bool {
     facets.along == 0.0
 }
 
-/// The geometric mean of both slopes: what tables know of a lobe.
+/// Geometric mean of both slopes, by which the tables describe a lobe.
 fn mean_slope(facets: &Ggx) -> f32 {
     (facets.along * facets.across).sqrt()
 }
@@ -158,7 +158,7 @@ fn flipped(w: Vec3) -> Vec3 {
 }
 
 impl Layered {
-    /// The model with these parameters; what is out of its range is brought back to it.
+    /// The model with these parameters; values out of range are clamped.
     pub fn new(p: &LayeredParameters) -> Self {
         let share = |x: f32| if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) };
         let base = p.base.clamp(Rgb::ZERO, Rgb::ONE);
@@ -172,7 +172,7 @@ impl Layered {
         let is_interface = matches!(p.body, Body::Interface(_));
         let exact = if is_interface { dielectric } else { 0.0 };
         let schlick = if is_interface { 0.0 } else { dielectric };
-        // Schlick's term is up to so much below Fresnel's.
+        // Schlick's term is below Fresnel's by at most this much.
         let least = if is_interface { f0.max_element() + 0.03 } else { f0.max_element() };
         Self {
             diffuse: base * (dielectric * (1.0 - transmission)),
@@ -181,7 +181,7 @@ impl Layered {
             f90: specular * schlick + metallic,
             over_base: [least.min(1.0), specular.max(least.min(1.0))],
             exact,
-            // Facets between equal indices neither reflect nor bend.
+            // Facets between equal indices of refraction neither reflect nor refract.
             facets: match &p.body {
                 Body::Interface(interface) if interface.is_matched() => facets_of([0.0; 2]),
                 _ => facets_of(p.roughness),
@@ -194,8 +194,8 @@ impl Layered {
         }
     }
 
-    /// The same as seen from `wo`, which decides what it does with irradiance ([`super::Bsdf::lambertian`]): a diffuse
-    /// base, and slightly glossy parts that add no more than a few percent, are read together by their albedo.
+    /// The same model seen from `wo`, which determines how it reflects irradiance ([`super::Bsdf::lambertian`]): a diffuse base, and
+    /// slightly glossy parts that add no more than a few percent, are read together through their albedo.
     #[inline]
     #[must_use]
     pub fn seen_from(self, wo: Vec3) -> Self {
@@ -206,7 +206,7 @@ impl Layered {
         Self { lambert: is_lambertian.then(|| Lambert { reflectance: reflectance() }), ..self }
     }
 
-    /// The same on the border of other media.
+    /// The same model at an interface between other media.
     #[inline]
     #[must_use]
     pub fn with_interface(self, interface: Dielectric) -> Self {
@@ -214,7 +214,7 @@ impl Layered {
         Self { body: Body::Interface(interface), facets, ..self }
     }
 
-    /// Sets the normal of the coat in the frame, unit length.
+    /// Sets the unit normal of the coat in the frame.
     pub fn set_coat_normal(&mut self, normal: Vec3) {
         self.coat_normal = normal;
     }
@@ -229,7 +229,7 @@ impl Layered {
         matches!(self.body, Body::Interface(_))
     }
 
-    /// Whether light passes it, bent or not.
+    /// Whether light passes through it, refracted or not.
     pub fn transmits(&self) -> bool {
         self.transmitted != Rgb::ZERO
     }
@@ -239,19 +239,19 @@ impl Layered {
         self.facets.along != self.facets.across
     }
 
-    /// True where the model scatters on the side of `wo`.
+    /// Whether the model scatters on the side of `wo`.
     #[inline]
     pub(super) fn is_lit(&self, wo: Vec3) -> bool {
         if self.is_interface() { wo.z != 0.0 && !wo.z.is_nan() } else { wo.z > 0.0 }
     }
 
-    /// Whether facets do anything.
+    /// Whether the facets have any effect.
     #[inline]
     fn has_facets(&self) -> bool {
         self.f90 > 0.0 || self.exact > 0.0 || self.f0 != Rgb::ZERO || self.transmitted != Rgb::ZERO
     }
 
-    /// Lobe of the rough facets. What passes them can be found by photons from one side only, so it is traced.
+    /// Lobe of the rough facets. Photons could find transmitted light from one side only, so that transmitting facets are traced.
     #[inline]
     fn gloss_lobe(&self) -> Lobe {
         if self.transmitted == Rgb::ZERO && self.exact == 0.0 {
@@ -286,20 +286,20 @@ impl Layered {
         is_smooth(&self.facets) && self.has_facets() || self.coat > 0.0 && is_smooth(&self.coat_facets)
     }
 
-    /// Where deltas are all there is, and at most one is mirrored and one passes.
+    /// Whether the model consists of deltas alone, with at most one mirrored and one transmitted direction.
     #[inline]
     pub(super) fn is_delta(&self) -> bool {
         let is_even = self.coat == 0.0 || self.coat_normal == Vec3::Z;
         !self.has_diffuse() && !self.has_glossy() && self.has_specular() && is_even
     }
 
-    /// Relative index behind the facets, as seen from `wo`; 1 for what does not bend.
+    /// Index of refraction behind the facets over that before them, as seen from `wo`; one where light is not refracted.
     #[inline]
     fn eta(&self, wo: Vec3) -> f32 {
         if let Body::Interface(interface) = &self.body { interface.relative_ior(wo) } else { 1.0 }
     }
 
-    /// What facets reflect at this cosine, and what they let pass of what arrives.
+    /// Reflectance of the facets at this cosine, and the share of the incident light that they transmit.
     #[inline]
     fn fresnel(&self, cosine: f32, eta: f32) -> (Rgb, Rgb) {
         let x = grazing(cosine);
@@ -312,14 +312,14 @@ impl Layered {
         (schlick, self.transmitted * (1.0 - (f0 + (f90 - f0) * x)).max(0.0))
     }
 
-    /// What the facets of the dielectric leave to the base, for one direction.
+    /// Share of the light that the facets of the dielectric leave to the base, for one direction.
     #[inline]
     fn left_to_base(&self, w: Vec3) -> f32 {
         let [f0, f90] = self.over_base;
         1.0 - gloss_albedo(w.z.abs(), mean_slope(&self.facets), f0, f90)
     }
 
-    /// What the coat leaves to everything below it, for one direction. Inside of a medium there is no coat.
+    /// Share of the light that the coat leaves to everything below it, for one direction. There is no coat inside of a medium.
     #[inline]
     fn left_by_coat(&self, w: Vec3) -> f32 {
         if self.coat == 0.0 || w.z < 0.0 && self.is_interface() {
@@ -364,7 +364,7 @@ impl Layered {
         if value.is_finite() { value * coats } else { Rgb::ZERO }
     }
 
-    /// Both directions in the frame of the coat; `None` where one is below its horizon.
+    /// Both directions in the frame of the coat; `None` where one of them is below its horizon.
     #[inline]
     fn on_coat(&self, wo: Vec3, wi: Vec3) -> Option<(Vec3, Vec3)> {
         if !(wo.z > 0.0 && wi.z > 0.0) {
@@ -388,7 +388,7 @@ impl Layered {
         let Some((o, i)) = self.on_coat(wo, wi) else { return Rgb::ZERO };
         let Some(h) = half_vector(o, i) else { return Rgb::ZERO };
         let shape = 0.25 * self.coat_facets.density(h) * self.coat_facets.masking_over_cosines(o, i);
-        // The caller multiplies by the cosine at the base, of which no more may count than that at the coat.
+        // The caller multiplies by the cosine at the base, which may count no more than the cosine at the coat.
         let cosines = (o.z / wo.z).min(1.0) * (i.z / wi.z).min(1.0);
         let value = self.coat_reflectance(o.dot(h)) * shape * cosines;
         if value.is_finite() { Rgb::splat(value) } else { Rgb::ZERO }
@@ -415,7 +415,7 @@ impl Layered {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    /// Probability with which a facet is sampled to reflect.
+    /// Probability with which sampling chooses reflection at a facet.
     #[inline]
     fn reflection_share(&self, cosine: f32, eta: f32) -> f32 {
         let (reflected, passed) = self.fresnel(cosine, eta);
@@ -462,7 +462,7 @@ impl Layered {
         (i.z > 0.0 && wi.z > 0.0).then_some(wi)
     }
 
-    /// Estimated albedo of a layer in a lobe; zero exactly where there is nothing of it.
+    /// Estimated albedo of a layer in a lobe; exactly zero where the layer has no part in it.
     #[inline]
     fn layer_albedo(&self, layer: Layer, lobe: Lobe, wo: Vec3) -> Rgb {
         match layer {
@@ -481,7 +481,7 @@ impl Layered {
                     let [f0, f90] = self.over_base;
                     (Rgb::ZERO, self.transmitted * (1.0 - albedo(f0, f90)).max(0.0))
                 };
-                // Facets off the normal reflect where those at it may not.
+                // Facets away from the normal may reflect where those at the normal do not.
                 ((schlick + reflected + passed) * left).max(Rgb::splat(1e-4))
             }
             Layer::Coat if self.has_coat_in(lobe) && wo.z > 0.0 => {
@@ -526,7 +526,7 @@ impl Layered {
         found
     }
 
-    /// Where light goes that passes a smooth base.
+    /// Direction of light that is transmitted by a smooth base.
     #[inline]
     fn straight_on(&self, wo: Vec3) -> Option<Vec3> {
         match &self.body {
@@ -568,7 +568,7 @@ impl Layered {
         f
     }
 
-    /// Probabilities of the layers of a lobe; `None` where there is none of them.
+    /// Probabilities of the layers of a lobe; `None` where no layer has a part in it.
     #[inline]
     fn shares(&self, lobe: Lobe, wo: Vec3) -> Option<[f32; 3]> {
         let weight = |layer| self.layer_albedo(layer, lobe, wo).max_element();
@@ -633,7 +633,7 @@ impl Layered {
         })
     }
 
-    /// Probability with which [`Self::sample_delta`] mirrors. By flux, so that it is the same in both modes.
+    /// Probability with which [`Self::sample_delta`] mirrors. It is based on flux, so that it is the same in both modes.
     #[inline]
     pub(super) fn reflection_probability(&self, wo: Vec3) -> f32 {
         let Deltas { mirrored, passing, coat } = self.deltas(wo, TransportMode::Flux);
@@ -641,7 +641,7 @@ impl Layered {
         if others > 0.0 { mirrored / (mirrored + others) } else { 1.0 }
     }
 
-    /// Whether [`Self::sample_delta`] mirrors in one way only.
+    /// Whether [`Self::sample_delta`] mirrors into a single direction.
     pub(super) fn has_one_mirror(&self, wo: Vec3) -> bool {
         self.deltas(wo, TransportMode::Flux).coat == Rgb::ZERO
     }

@@ -1,23 +1,23 @@
-//! How much GGX facets with Schlick's reflectance reflect in all, by angle and roughness: what is left for what is below.
+//! Total albedo of GGX facets with Schlick's reflectance, by angle and roughness, which determines the light left for the layers below.
 
 use super::ggx::{Ggx, SMOOTH_ROUGHNESS, reflect_about};
 use glam::{Vec2, Vec3};
 use std::sync::OnceLock;
 
-/// Steps of the table along each axis: the square root of the cosine, and the square root of the slope.
+/// Number of table steps along each axis: the square root of the cosine, and the square root of the slope.
 const STEPS: usize = 32;
 
-/// Facets for each entry, squared: directions are taken at the middles of a grid.
+/// Root of the number of facets per table entry: directions are at the centres of a grid.
 const FACETS: usize = 16;
 
-/// Added to what the table says, which covers its error: layers never get more than is left.
+/// Margin added to the table's values, which covers their error, so that layers never receive more light than is left.
 const MARGIN: f32 = 0.004;
 
-/// Albedo of facets that reflect everything, and of facets that reflect `(1 - cos)^5`.
+/// Albedo of facets that reflect everything, and albedo of facets that reflect `(1 - cos)^5`.
 type Entry = [f32; 2];
 
 struct Table {
-    /// By slope, then by cosine.
+    /// Entries by slope, then by cosine.
     entries: Vec<[Entry; STEPS]>,
     /// Cosine-weighted means over the hemisphere, by slope.
     means: [Entry; STEPS],
@@ -34,7 +34,7 @@ impl Table {
         let row = |slope: usize| {
             let slope = at(slope).max(SMOOTH_ROUGHNESS);
             let facets = Ggx { along: slope, across: slope };
-            // At grazing incidence proper nothing is defined; the entry stands for what is very near.
+            // The albedo is undefined at exactly grazing incidence; the entry is taken very close to it.
             std::array::from_fn(|cosine| albedo(&facets, at(cosine).max(1e-4)))
         };
         let entries: Vec<[Entry; STEPS]> = (0..STEPS).map(row).collect();
@@ -60,7 +60,7 @@ fn albedo(facets: &Ggx, cosine: f32) -> Entry {
     sums.map(|sum| (sum / (FACETS * FACETS) as f64) as f32)
 }
 
-/// Mean over the hemisphere, weighted by the cosine, of what the table interpolates to.
+/// Cosine-weighted mean over the hemisphere of the interpolated table.
 fn mean(row: &[Entry; STEPS]) -> Entry {
     const POINTS: usize = 512;
     let mut sums = [0f64; 2];
@@ -79,7 +79,7 @@ fn mixed(a: Entry, b: Entry, t: f32) -> Entry {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t]
 }
 
-/// Index below and the rest for a value whose square root is in even steps.
+/// Lower index and fraction for a value whose square root is tabulated in even steps.
 #[inline]
 fn place(value: f32) -> (usize, f32) {
     let x = value.clamp(0.0, 1.0).sqrt() * (STEPS - 1) as f32;
@@ -98,8 +98,8 @@ fn of_schlick([all, grazing]: Entry, f0: f32, f90: f32) -> f32 {
     f0 * (all - grazing) + f90 * grazing
 }
 
-/// Upper estimate of the albedo at this cosine of facets of slope `roughness` that reflect `f0 + (f90 - f0) (1 - cos)^5`,
-/// in `[0, 1]`; exact for smooth ones (zero slope), zero where both are zero.
+/// Upper estimate of the albedo at this cosine of facets with slope `roughness` that reflect `f0 + (f90 - f0) (1 - cos)^5`, in `[0, 1]`;
+/// exact for smooth facets (zero slope), zero where `f0` and `f90` are zero.
 #[inline]
 pub(super) fn gloss_albedo(cosine: f32, roughness: f32, f0: f32, f90: f32) -> f32 {
     if f0 <= 0.0 && f90 <= 0.0 {
@@ -115,10 +115,10 @@ pub(super) fn gloss_albedo(cosine: f32, roughness: f32, f0: f32, f90: f32) -> f3
     (of_schlick(entry, f0, f90) + MARGIN * f90.max(f0)).clamp(0.0, 1.0)
 }
 
-/// Mean over the hemisphere of [`gloss_albedo`], weighted by the cosine; below one.
+/// Cosine-weighted mean of [`gloss_albedo`] over the hemisphere; less than one.
 #[inline]
 pub(super) fn mean_gloss_albedo(roughness: f32, f0: f32, f90: f32) -> f32 {
-    /// So that what is left can be divided by.
+    /// Largest value, so that a division by the remaining light is possible.
     const MOST: f32 = 0.999;
     if f0 <= 0.0 && f90 <= 0.0 {
         return 0.0;

@@ -1,4 +1,4 @@
-//! The layered model: density, energy, reciprocity, classes, and agreement with the models it generalises.
+//! Tests of the layered model: density, energy, reciprocity, classes, and agreement with the models that it generalises.
 
 use super::chi_square::ChiSquare;
 use super::tests::direction;
@@ -23,7 +23,7 @@ fn tilted() -> Vec3 {
     direction(0.9, 0.4)
 }
 
-/// White, so that energy shows, on both sides of the threshold, with and without each layer.
+/// White models, which make energy errors visible, on both sides of the threshold, with and without each layer.
 fn models() -> Vec<Bsdf> {
     let mut models = Vec::new();
     for roughness in [[0.05; 2], [0.2; 2], [0.5; 2], [1.0; 2], [0.5, 0.1]] {
@@ -51,7 +51,7 @@ fn models() -> Vec<Bsdf> {
     models
 }
 
-/// Those with a delta or nothing but.
+/// Models with a delta among others or with deltas alone.
 fn smooth_models() -> Vec<Bsdf> {
     vec![
         layered(|p| p.roughness = [0.0; 2]),
@@ -80,8 +80,8 @@ fn samples_follow_the_density() {
     for (seed, bsdf) in models.iter().enumerate() {
         for (wo, lobe) in wos.into_iter().flat_map(|wo| [Lobe::Diffuse, Lobe::Glossy].map(|lobe| (wo, lobe)))
         {
-            // The narrowest need finer bins than these. Refraction makes lobes narrower still; that those are right is
-            // told by `white_glass_is_the_dielectric`.
+            // The narrowest lobes need finer bins than these. Refraction makes lobes narrower still; `white_glass_is_the_dielectric`
+            // tests those.
             let is_narrow = seed < 9 || is_interface(bsdf) && matches!(seed / 9, 1 | 4);
             if bsdf.lobe_albedo(lobe, wo) == Rgb::ZERO || is_narrow {
                 continue;
@@ -121,7 +121,7 @@ fn sample_agrees_with_eval_and_pdf() {
     }
 }
 
-/// Mean throughput over what [`Bsdf::sample`] draws, in flux, and its standard error.
+/// Mean throughput over samples of [`Bsdf::sample`], in flux, and its standard error.
 fn albedo(bsdf: &Bsdf, wo: Vec3, samples: u64) -> (f64, f64) {
     let mut rng = Rng::new(32, Stream::Measure, u64::from(wo.z.to_bits()));
     let (mut sum, mut squares) = (0.0, 0.0);
@@ -145,7 +145,7 @@ fn white_furnace() {
         for (cos, side) in cosines.into_iter().flat_map(|cos| sides.iter().map(move |side| (cos, side))) {
             let (mean, error) = albedo(&bsdf, direction(cos * side, 0.7), 5_000);
             assert!(mean < 1.0 + 4.0 * error + 1e-4, "{bsdf:?} {cos} {side}: {mean} +- {error}");
-            // The least is a smooth coat that leans away from what grazes the base.
+            // The smallest value is that of a smooth coat that leans away from light that grazes the base.
             assert!(mean > 0.1, "{bsdf:?} {cos} {side}: {mean}");
             (least, most) = (least.min(mean), most.max(mean));
         }
@@ -153,7 +153,7 @@ fn white_furnace() {
     println!("albedos from {least:.4} to {most:.4}");
 }
 
-/// White dielectrics, which only lose what facets lose, are nearly as white as they should be.
+/// White dielectrics, which lose only what facets lose, are nearly as white as expected.
 #[test]
 fn a_white_base_stays_white() {
     for roughness in [0.0, 0.05, 0.2, 0.5, 1.0] {
@@ -179,7 +179,7 @@ fn reciprocity() {
             }
             let sum =
                 |wo, wi, mode| bsdf.eval(Lobe::Diffuse, wo, wi, mode) + bsdf.eval(Lobe::Glossy, wo, wi, mode);
-            // A sheet is turned to the side the light comes from.
+            // A sheet is turned to the side from which the light comes.
             let turned = passes && !is_interface(&bsdf);
             let (back_o, back_i) = if turned { (-b, -a) } else { (b, a) };
             let back_turn = |w: Vec3| if turned { Vec3::new(-w.x, -w.y, w.z) } else { w };
@@ -187,7 +187,7 @@ fn reciprocity() {
             let off = (there - back).abs().max_element();
             let largest = there.max_element();
             let is_close = off <= 1e-3 * largest + 1e-6;
-            // Next to the critical angle transmission is the root of a difference that f32 holds to 1e-7.
+            // Close to the critical angle, the transmission is the root of a difference that f32 represents to 1e-7.
             assert!(is_close || passes && off < 0.1 * largest, "{bsdf:?} {a} {b}: {there} {back}");
             compared += u32::from(there != Rgb::ZERO);
         }
@@ -210,7 +210,7 @@ fn lobes_are_classed_by_their_own_roughness() {
     assert_eq!(has(glass(0.9, Body::Thin)), (false, true, false, false));
     assert_eq!(has(glass(0.0, interface(1.5))), (false, false, true, true));
     assert_eq!(has(glass(0.9, interface(1.5))), (false, true, false, false));
-    // An index of one, without the term at grazing angles, is nothing but a filter.
+    // With an index of one and without the term at grazing angles, the model is only a filter.
     let filter = layered(|p| {
         (p.roughness, p.transmission, p.body, p.ior) = ([0.0; 2], 1.0, Body::Thin, 1.0);
         p.base = Rgb::new(0.1, 0.5, 0.9);
@@ -250,7 +250,7 @@ fn white_glass_is_the_dielectric() {
     }
 }
 
-/// Whatever the numbers: no NaN, unit directions, positive weights.
+/// For all parameters: no NaN, unit directions, positive weights.
 #[test]
 fn extremes() {
     let us = [0.0, 0.25, 0.75, ONE_MINUS_EPSILON];

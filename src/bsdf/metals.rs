@@ -1,14 +1,16 @@
+//! Table of metals by name.
+
 use super::Metal;
 use crate::math::Rgb;
 
 /// Metals by name.
 ///
-/// From measured indices of refraction (refractiveindex.info, public domain): aluminium of Rakic 1995; copper, gold and
-/// silver of Johnson & Christy 1972. The reflectance of each wavelength (5 nm steps, indices interpolated linearly) at angles
-/// of 0 to 87 degrees in steps of 3 was weighted with the CIE 1931 observer and D65 and turned to linear Rec. 709, white to
-/// (1, 1, 1); then `eta` and `k` of each channel were fitted to these thirty reflectances by least squares. The fit is
-/// within 0.004 of them everywhere, but for the red of gold, which lies outside Rec. 709 (1.04 at normal incidence) and was
-/// cut at 0.98 before: there within 0.011.
+/// The data comes from measured indices of refraction (refractiveindex.info, public domain): aluminium of Rakic 1995; copper, gold and
+/// silver of Johnson & Christy 1972. The reflectance at each wavelength (5 nm steps, indices interpolated linearly) at angles of 0 to 87
+/// degrees in steps of 3 was weighted with the CIE 1931 observer and D65 and converted to linear Rec. 709, with white as (1, 1, 1). Then
+/// `eta` and `k` of each channel were fitted to these thirty reflectances by least squares. The fit is within 0.004 of them everywhere
+/// except for the red of gold, which lies outside Rec. 709 (1.04 at normal incidence) and was clamped to 0.98 before the fit: there it
+/// is within 0.011.
 pub const METALS: &[(&str, Metal)] = &[
     (
         "aluminium",

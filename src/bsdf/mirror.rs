@@ -1,3 +1,5 @@
+//! Mirrors: ideal specular reflection.
+
 use super::{BsdfSample, Lobe, reflect};
 use crate::math::Rgb;
 use glam::Vec3;
@@ -10,7 +12,7 @@ pub struct Mirror {
 }
 
 impl Mirror {
-    /// The one reflected direction; `None` from below.
+    /// The reflected direction; `None` from below.
     #[inline]
     pub fn sample(&self, wo: Vec3) -> Option<BsdfSample> {
         if !(wo.z > 0.0 && self.reflectance.max_element() > 0.0) {

@@ -1,27 +1,25 @@
-//! Scattering at a surface, one file per model.
+//! Scattering at a surface, with one file per model.
 //!
 //! # Conventions
 //!
-//! Directions are unit vectors in a local frame whose `z` is the shading normal. `wo` points to the previous
-//! vertex of the path, `wi` is the direction that is evaluated or sampled; both leave the surface. For a
-//! camera path `wo` is towards the eye and `wi` towards the light; for a photon `wo` is towards the light and
-//! `wi` is where the photon goes next.
+//! Directions are unit vectors in a local frame whose `z` is the shading normal. `wo` points to the previous vertex of the path, `wi` is
+//! the direction that is evaluated or sampled; both point away from the surface. For a camera path, `wo` points towards the eye and `wi`
+//! towards the light; for a photon, `wo` points towards the light and `wi` is the direction in which the photon continues.
 //!
-//! A [`Bsdf`] is a small `Copy` value without references, built anew at each hit: no allocation, no dispatch
-//! through a pointer.
+//! A [`Bsdf`] is a small `Copy` value without references, built at each hit: it needs no allocation and no dispatch through a pointer.
 //!
 //! # Sides
 //!
-//! Opaque models ([`Lambert`], [`Mirror`], [`Schlick`], [`Ward`], [`Conductor`]) scatter only where `wo.z > 0` and `wi.z > 0`; towards the other
-//! side they are black. A two-sided material is made by the caller, who turns the frame so that `wo.z > 0`
-//! before building the `Bsdf`; a one-sided one keeps the frame of the surface, and its back absorbs.
-//! [`Bsdf::BLACK`] absorbs everywhere. [`Dielectric`] and [`RoughDielectric`] have media on both sides and must
-//! keep the frame of the surface, and so must a [`Layered`] that is an interface; other layered ones are turned.
+//! Opaque models ([`Lambert`], [`Mirror`], [`Schlick`], [`Ward`], [`Conductor`]) scatter only where `wo.z > 0` and `wi.z > 0`; on the
+//! other side they are black. For a two-sided material the caller turns the frame so that `wo.z > 0` before it builds the `Bsdf`. A
+//! one-sided material keeps the frame of the surface, and its back absorbs. [`Bsdf::BLACK`] absorbs everywhere. [`Dielectric`] and
+//! [`RoughDielectric`] have media on both sides and must keep the frame of the surface, as must a [`Layered`] that is an interface;
+//! other layered ones are turned.
 //!
 //! # Failure values
 //!
-//! `eval` and `pdf_solid_angle` return zero, `sample` returns `None`, where nothing is scattered: black side,
-//! zero reflectance, `wo.z` zero or NaN. Nothing here returns NaN or a direction that is not of unit length.
+//! Where nothing is scattered (black side, zero reflectance, `wo.z` zero or NaN), `eval` and `pdf_solid_angle` return zero and `sample`
+//! returns `None`. No function here returns NaN or a direction that is not of unit length.
 
 mod bent;
 mod conductor;
@@ -68,60 +66,60 @@ pub use ward::Ward;
 use crate::math::Rgb;
 use glam::Vec3;
 
-/// What a path carries, which decides what refraction does to it.
+/// The quantity that a path carries, which determines how refraction changes it.
 ///
-/// Across an interface from index `n1` to `n2` radiance scales by `(n2 / n1)^2`, because a cone of light is
-/// squeezed into another solid angle; the power of a photon does not change. BSDFs with refraction are
-/// therefore not symmetric and the two kinds of path use adjoint ones (Veach 1997, section 5.2).
+/// Across an interface from index `n1` to `n2` radiance scales by `(n2 / n1)^2`, because a cone of light is squeezed into another solid
+/// angle; the power of a photon does not change. BSDFs with refraction are therefore not symmetric, and the two kinds of path use
+/// adjoint BSDFs (Veach 1997, section 5.2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TransportMode {
-    /// Paths from the camera, which gather radiance.
+    /// Paths from the camera, which collect radiance.
     Radiance,
-    /// Paths from a light: photons, which carry flux.
+    /// Paths from a light (photons), which carry flux.
     Flux,
 }
 
-/// Which part of the BSDF a sample comes from: the split of equation (2) of Jensen, "Global Illumination
-/// using Photon Maps" (1996), which writes `f_r = f_r,s + f_r,d`.
+/// The part of the BSDF that a sample comes from. This is the split of equation (2) of Jensen, "Global Illumination using Photon Maps"
+/// (1996), which writes `f_r = f_r,s + f_r,d`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lobe {
-    /// `f_r,d`: what is smooth enough for a density estimate. Its incident light is split over the direct
-    /// term (`L_i,l`), the caustic map (`L_i,c`) and the global map or a final gather (`L_i,d`).
+    /// `f_r,d`: the part that is smooth enough for a density estimate. Its incident light is split into the direct term (`L_i,l`), the
+    /// caustic map (`L_i,c`) and the global map or a final gather (`L_i,d`).
     Diffuse,
-    /// The highly glossy part of `f_r,s`: followed by distribution rays and never looked up in a map, but wide enough
-    /// for shadow rays. In paths it counts as S.
+    /// The highly glossy part of `f_r,s`. It is followed by distribution rays and never looked up in a map, but it is wide enough for
+    /// shadow rays. In path notation it counts as S.
     Glossy,
-    /// The ideal specular part of `f_r,s`, deltas: followed by tracing further.
+    /// The ideal specular part of `f_r,s`, which consists of deltas and is followed by tracing.
     Specular,
 }
 
-/// Which formula of a model whose printed one reflects more light than there is.
+/// The formula for models whose published version reflects more light than arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// As its paper prints it.
+    /// The formula as published.
     Printed,
-    /// With an albedo of at most one.
+    /// A formula with an albedo of at most one.
     Bounded,
 }
 
-/// A direction drawn from a [`Bsdf`].
+/// A direction sampled from a [`Bsdf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BsdfSample {
     /// The sampled direction, local frame, unit length, `wi.z != 0`.
     pub wi: Vec3,
-    /// `f |cos theta_i| / pdf`, finite. In [`TransportMode::Radiance`] a refraction includes its
-    /// `(n_o / n_i)^2`. For equal shading and geometric normals: see [`Bent`] for others.
+    /// `f |cos theta_i| / pdf`, finite. In [`TransportMode::Radiance`] a refraction includes its factor `(n_o / n_i)^2`. Valid for equal
+    /// shading and geometric normals; see [`Bent`] for different ones.
     pub throughput: Rgb,
-    /// Density of `wi` per solid angle within its lobe, 1/sr; `INFINITY` for a delta lobe, so that a weight
-    /// `1 / (1 + (pdf_other / pdf)^2)` is one without a special case.
+    /// Density of `wi` per solid angle within its lobe, 1/sr; `INFINITY` for a delta lobe, so that an MIS weight `1 / (1 + (pdf_other /
+    /// pdf)^2)` is one without a special case.
     pub pdf_solid_angle: f32,
     /// The part of the BSDF that was sampled.
     pub lobe: Lobe,
-    /// True where `wi` is on the other side than `wo`.
+    /// Whether `wi` is on the other side than `wo`.
     pub transmission: bool,
 }
 
-/// How one point of a surface scatters light.
+/// Scattering of light at one point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bsdf {
     /// Ideal diffuse reflection.
@@ -143,7 +141,7 @@ pub enum Bsdf {
 }
 
 impl Bsdf {
-    /// The same on the border between other media, where it is an interface.
+    /// The same BSDF with the interface between other media, if it is an interface.
     #[must_use]
     pub fn between(self, interface: Dielectric) -> Self {
         match self {
@@ -160,7 +158,7 @@ impl Bsdf {
     /// Absorbs everything.
     pub const BLACK: Self = Self::Lambert(Lambert { reflectance: Rgb::ZERO });
 
-    /// True where directions along the surface differ, so that a frame needs a tangent.
+    /// Whether directions along the surface differ, so that the frame needs a tangent.
     pub fn is_anisotropic(&self) -> bool {
         match self {
             Self::Lambert(_) | Self::Mirror(_) | Self::Dielectric(_) | Self::RoughDielectric(_) => false,

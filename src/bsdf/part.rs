@@ -1,23 +1,23 @@
-//! A model as a sum of parts, and parts as lobes of equation (2).
+//! Parts of a BSDF model, and their assignment to the lobes of equation (2).
 
 use super::{Bsdf, BsdfSample, Lambert, Lobe, TransportMode};
 use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 
-/// Roughness (the alpha of GGX and Ward; for Schlick's model the square root of his) from which a glossy part counts as
-/// slightly glossy, [`Lobe::Diffuse`]: its light is estimated from photons. Below, it is highly glossy, [`Lobe::Glossy`],
-/// and followed by distribution rays (Jensen 1996, section 4). At the threshold the density of microfacets has
+/// Smallest roughness of a slightly glossy part, which belongs to [`Lobe::Diffuse`]: its light is estimated from photons. (Roughness is
+/// the alpha of GGX and Ward; for Schlick's model it is the square root of the model's roughness.) Below this value a part is highly
+/// glossy, [`Lobe::Glossy`], and followed by distribution rays (Jensen 1996, section 4). At the threshold the density of microfacets has
 /// fallen to half at 13 degrees from the normal.
 pub const GLOSS_THRESHOLD: f32 = 0.35;
 
-/// Terms of a model that are no deltas.
+/// The parts of a model that are not delta distributions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Part {
     Diffuse,
     Gloss,
 }
 
-/// A direction drawn from one part.
+/// A direction sampled from one part.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PartSample {
     pub wi: Vec3,
@@ -42,7 +42,7 @@ impl PartSample {
     }
 }
 
-/// Estimated albedo of each part; zero exactly where the part does not exist.
+/// Estimated albedo of each part; exactly zero where the part does not exist.
 #[derive(Clone, Copy, Debug)]
 struct Parts {
     diffuse: Rgb,
@@ -52,14 +52,14 @@ struct Parts {
 }
 
 impl Parts {
-    /// Share of the diffuse part in the diffuse lobe, against the gloss that is counted there.
+    /// Share of the diffuse part in the diffuse lobe, which may also contain the glossy part.
     fn share_of_diffuse(&self) -> f32 {
         let (diffuse, gloss) = (self.diffuse.max_element(), self.gloss.max_element());
         if self.gloss_lobe == Lobe::Diffuse { diffuse / (diffuse + gloss) } else { 1.0 }
     }
 }
 
-/// Which lobe a glossy part of this roughness is.
+/// The lobe of a glossy part with this roughness.
 #[inline]
 pub(super) fn lobe_of(roughness: f32) -> Lobe {
     if roughness < GLOSS_THRESHOLD { Lobe::Glossy } else { Lobe::Diffuse }
@@ -80,15 +80,15 @@ impl Bsdf {
             Self::Ward(ward) => (ward.diffuse().reflectance, ward.gloss(), none, lobe_of(ward.roughness())),
             Self::Conductor(metal) if metal.is_smooth() => (none, none, metal.albedo(wo), Lobe::Glossy),
             Self::Conductor(metal) => (none, metal.albedo(wo), none, lobe_of(metal.roughness())),
-            // Photons on an interface could only be found from the side they came from: it is traced, however rough.
+            // Photons at an interface could be found only on the side from which they came; it is therefore traced, however rough.
             Self::RoughDielectric(_) => (none, Rgb::ONE, none, Lobe::Glossy),
-            // Has more parts than these, and answers by itself.
+            // Has more parts than these; handled separately.
             Self::Layered(_) => (none, none, none, Lobe::Glossy),
         };
         Parts { diffuse, gloss, mirror, gloss_lobe }
     }
 
-    /// True where the model scatters on the side of `wo`.
+    /// Whether the model scatters on the side of `wo`.
     #[inline]
     fn is_lit(&self, wo: Vec3) -> bool {
         match self {
@@ -98,8 +98,8 @@ impl Bsdf {
         }
     }
 
-    /// What a lobe reflects and transmits of light along `wo`, over what arrives, estimated; exact for Lambert, mirror
-    /// and dielectric. Zero exactly where there is no such lobe.
+    /// Albedo of a lobe, reflected and transmitted, for light along `wo`. It is an estimate, except for the Lambert, mirror and
+    /// dielectric models, where it is exact. Exactly zero where there is no such lobe.
     #[inline]
     pub fn lobe_albedo(&self, lobe: Lobe, wo: Vec3) -> Rgb {
         if let Self::Layered(layers) = self {
@@ -115,7 +115,7 @@ impl Bsdf {
         }
     }
 
-    /// Largest channels of [`Self::lobe_albedo`]: diffuse, glossy, specular.
+    /// Largest channel of [`Self::lobe_albedo`] for the diffuse, glossy and specular lobe.
     #[inline]
     pub fn lobe_weights(&self, wo: Vec3) -> [f32; 3] {
         [Lobe::Diffuse, Lobe::Glossy, Lobe::Specular].map(|lobe| self.lobe_albedo(lobe, wo).max_element())
@@ -156,8 +156,8 @@ impl Bsdf {
         }
     }
 
-    /// The part of the BSDF in `lobe`, 1/sr, without any cosine; zero for [`Lobe::Specular`], whose directions only
-    /// sampling finds. Only for transmission does the `mode` matter.
+    /// Value of the BSDF's `lobe`, 1/sr, without any cosine; zero for [`Lobe::Specular`], whose directions only sampling finds. The
+    /// `mode` matters only for transmission.
     #[inline]
     pub fn eval(&self, lobe: Lobe, wo: Vec3, wi: Vec3, mode: TransportMode) -> Rgb {
         if let (Self::Lambert(lambert), Lobe::Diffuse) = (self, lobe) {
@@ -180,7 +180,7 @@ impl Bsdf {
         f
     }
 
-    /// Density per solid angle, 1/sr, with which [`Self::sample_lobe`] draws `wi`; zero for [`Lobe::Specular`].
+    /// Density per solid angle, 1/sr, with which [`Self::sample_lobe`] samples `wi`; zero for [`Lobe::Specular`].
     #[inline]
     pub fn pdf_solid_angle(&self, lobe: Lobe, wo: Vec3, wi: Vec3) -> f32 {
         if let (Self::Lambert(lambert), Lobe::Diffuse) = (self, lobe) {
@@ -207,8 +207,8 @@ impl Bsdf {
         }
     }
 
-    /// Draws a direction from one lobe, as if there were no other. `u_lobe` chooses between parts, and between
-    /// reflection and refraction.
+    /// Samples a direction of one lobe, as if there were no other. `u_lobe` selects between parts, and between reflection and
+    /// refraction.
     #[inline]
     pub fn sample_lobe(
         &self,
@@ -283,10 +283,9 @@ impl Bsdf {
         }
     }
 
-    /// Draws a lobe in proportion to the estimates of their albedos, and a direction from it; the throughput is divided
-    /// by the lobe's probability, the density is that within the lobe. `u_lobe` in `[0, 1)` chooses between lobes and
-    /// within them between parts, `u` in `[0, 1)^2` the direction. `None` where nothing is scattered: the path ends and
-    /// its power is absorbed.
+    /// Samples a lobe in proportion to the estimated albedos, and a direction of that lobe. The throughput is divided by the lobe's
+    /// probability; the density is that within the lobe. `u_lobe` in `[0, 1)` selects the lobe and the part within it, `u` in `[0, 1)^2`
+    /// the direction. `None` where nothing is scattered: the path ends and its power is absorbed.
     #[inline]
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
         match self {
@@ -312,7 +311,7 @@ impl Bsdf {
         Some(BsdfSample { throughput: sample.throughput * (total / weight), ..sample })
     }
 
-    /// True where every lobe is a delta: [`Self::eval`] is zero everywhere and direct lighting has nothing to do.
+    /// Whether every lobe is a delta: [`Self::eval`] is then zero everywhere, and direct lighting has nothing to do.
     #[inline]
     pub fn is_delta(&self) -> bool {
         match self {
@@ -324,13 +323,13 @@ impl Bsdf {
         }
     }
 
-    /// True where [`Self::sample`] makes a choice by its `u_lobe`.
+    /// Whether [`Self::sample`] uses `u_lobe` for a choice.
     #[inline]
     pub fn chooses(&self) -> bool {
         !matches!(self, Self::Lambert(_))
     }
 
-    /// True where there is a [`Lobe::Diffuse`] that reflects anything: where photons are stored and maps are asked.
+    /// Whether there is a [`Lobe::Diffuse`] with a positive albedo: photons are then stored here and maps are read.
     #[inline]
     pub fn has_diffuse(&self) -> bool {
         match self {
@@ -349,7 +348,7 @@ impl Bsdf {
         }
     }
 
-    /// True where there is a [`Lobe::Glossy`] that reflects anything.
+    /// Whether there is a [`Lobe::Glossy`] with a positive albedo.
     #[inline]
     pub fn has_glossy(&self) -> bool {
         match self {
@@ -362,7 +361,7 @@ impl Bsdf {
         }
     }
 
-    /// True where there is a [`Lobe::Specular`] that reflects anything.
+    /// Whether there is a [`Lobe::Specular`] with a positive albedo.
     #[inline]
     pub fn has_specular(&self) -> bool {
         match self {
@@ -375,7 +374,7 @@ impl Bsdf {
         }
     }
 
-    /// The diffuse lobe, where that is Lambert's law: what irradiance is all one needs to know of.
+    /// The diffuse lobe where it follows Lambert's law, so that its reflected light depends on irradiance alone.
     #[inline]
     pub fn lambertian(&self) -> Option<Lambert> {
         match self {
@@ -386,7 +385,7 @@ impl Bsdf {
         }
     }
 
-    /// Probability with which sampling the specular lobe reflects, as against refracting: `u_lobe` below it reflects. One
+    /// Probability with which sampling of the specular lobe reflects instead of refracting: it reflects for a smaller `u_lobe`. One
     /// where nothing is transmitted.
     #[inline]
     pub fn reflection_probability(&self, wo: Vec3) -> f32 {
@@ -397,7 +396,7 @@ impl Bsdf {
         }
     }
 
-    /// Whether the specular lobe reflects into one direction at most: not where a layer above has a normal of its own.
+    /// Whether the specular lobe reflects into one direction at most; false where a layer above has its own normal.
     pub fn has_one_mirror(&self, wo: Vec3) -> bool {
         match self {
             Self::Layered(layers) => layers.has_one_mirror(wo),
@@ -405,8 +404,8 @@ impl Bsdf {
         }
     }
 
-    /// Reflected plus transmitted flux over incident flux, per channel, on the side that scatters, for the albedo
-    /// layer: the sum of [`Self::lobe_albedo`].
+    /// Reflected plus transmitted flux over incident flux, per channel, on the side that scatters: the sum of [`Self::lobe_albedo`], for
+    /// the albedo layer.
     #[inline]
     pub fn albedo(&self, wo: Vec3) -> Rgb {
         if let Self::Layered(layers) = self {
@@ -418,7 +417,7 @@ impl Bsdf {
     }
 }
 
-/// Whether `u` is below `probability`, and what the decision leaves of it: uniform again in `[0, 1)`.
+/// Whether `u` is below `probability`, and the remainder of `u`, which is uniform in `[0, 1)` again.
 #[inline]
 pub(super) fn choose(u: f32, probability: f32) -> (bool, f32) {
     let below = u < probability;

@@ -1,11 +1,13 @@
+//! Rough interfaces between two media.
+
 use super::ggx::{Ggx, SMOOTH_ROUGHNESS, half_vector, reflect_about};
 use super::part::PartSample;
 use super::{Dielectric, TransportMode, fresnel_dielectric};
 use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 
-/// A rough interface between two media: GGX microfacets that reflect the Fresnel fraction and refract the rest, once
-/// (Walter et al. 2007). What meets a second facet is lost. The frame is that of the surface, as for [`Dielectric`].
+/// A rough interface between two media: GGX microfacets that once reflect the Fresnel fraction or refract the rest (Walter et al. 2007).
+/// Light that meets a second facet is lost. The frame is that of the surface, as for [`Dielectric`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoughDielectric {
     interface: Dielectric,
@@ -13,26 +15,26 @@ pub struct RoughDielectric {
 }
 
 impl RoughDielectric {
-    /// `None` where that is no rough interface but the smooth one: below [`SMOOTH_ROUGHNESS`], and where both media have
-    /// the same index, so that facets neither reflect nor bend anything.
+    /// `None` for interfaces that must be treated as smooth: below [`SMOOTH_ROUGHNESS`], and where both media have the same index, so
+    /// that facets neither reflect nor refract.
     pub fn new(interface: Dielectric, roughness: f32) -> Option<Self> {
         let is_rough = roughness >= SMOOTH_ROUGHNESS && !interface.is_matched();
         is_rough.then_some(Self { interface, facets: Ggx { along: roughness, across: roughness } })
     }
 
-    /// As rough, between other media: the smooth interface where these match.
+    /// The same roughness between other media; the smooth interface as an error where their indices match.
     #[inline]
     pub fn with_interface(self, interface: Dielectric) -> Result<Self, Dielectric> {
         if interface.is_matched() { Err(interface) } else { Ok(Self { interface, ..self }) }
     }
 
-    /// The alpha of GGX.
+    /// The GGX alpha.
     #[inline]
     pub fn roughness(&self) -> f32 {
         self.facets.along
     }
 
-    /// As if `wo` were above: the relative index, and both directions on that side.
+    /// The configuration mirrored so that `wo` is above: the relative index, and both directions.
     #[inline]
     fn turned(&self, wo: Vec3, wi: Vec3) -> (f32, Vec3, Vec3) {
         let side = Vec3::new(1.0, 1.0, 1f32.copysign(wo.z));
@@ -95,9 +97,9 @@ impl RoughDielectric {
     }
 }
 
-/// The generalised half vector, towards the side of `wo` (whose cosine is positive here), of a reflection or a
-/// refraction; and the factor `|dh/dwi| / (wo . h)` by which a density of it over `wo . h` becomes one of `wi`. `None`
-/// where no facet leads from one to the other.
+/// The generalised half vector of a reflection or a refraction, on the side of `wo` (whose cosine is positive here); and the factor
+/// `|dh/dwi| / (wo . h)` that converts a density of the half vector over `wo . h` into a density of `wi`. `None` where no facet leads
+/// from one direction to the other.
 #[inline]
 pub(super) fn facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<(Vec3, f32)> {
     if wi.z > 0.0 {
@@ -110,13 +112,13 @@ pub(super) fn facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<(Vec3, f32)> {
     if !(cos_o > 0.0 && cos_i < 0.0) {
         return None;
     }
-    // The half vector's length before normalisation is |wo . h + eta wi . h|.
+    // The length of the half vector before normalisation is |wo . h + eta wi . h|.
     let factor = eta * eta * -cos_i * cos_o / sum.length_squared();
     factor.is_finite().then_some((h, factor))
 }
 
-/// The direction into which `wo` is refracted at a facet of normal `h`, on whose side it is; `None` beyond the critical
-/// angle. `eta` is the index behind the facet over that before it.
+/// The direction into which `wo` is refracted at a facet with normal `h` on the side of `wo`; `None` beyond the critical angle. `eta` is
+/// the index behind the facet over that before it.
 #[inline]
 pub(super) fn refract_about(wo: Vec3, h: Vec3, eta: f32) -> Option<Vec3> {
     let cosine = wo.dot(h);

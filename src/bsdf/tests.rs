@@ -1,3 +1,5 @@
+//! Tests of the simple BSDF models and of the properties that all models share.
+
 use super::chi_square::ChiSquare;
 use super::*;
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Stream};
@@ -13,7 +15,7 @@ fn dielectric(ior_inside: f64) -> Bsdf {
     Bsdf::Dielectric(Dielectric::new(1.0, ior_inside))
 }
 
-/// The unit direction of these polar coordinates.
+/// The unit direction with these polar coordinates.
 pub(super) fn direction(cos: f32, phi: f32) -> Vec3 {
     let sin = ((1.0 - cos) * (1.0 + cos)).sqrt();
     Vec3::new(sin * phi.cos(), sin * phi.sin(), cos)
@@ -21,7 +23,7 @@ pub(super) fn direction(cos: f32, phi: f32) -> Vec3 {
 
 #[test]
 fn types_are_small() {
-    // All models but the layers of glTF fit into 40 bytes; those are what sets the size.
+    // All models except for the layered one fit into 40 bytes; the layered one determines the size.
     assert!(size_of::<Bsdf>() <= 120 && size_of::<BsdfSample>() <= 32 + 4);
     assert!(size_of::<Ward>() <= 36 && size_of::<Schlick>() <= 36 && size_of::<Conductor>() <= 36);
 }
@@ -62,7 +64,7 @@ fn sample_agrees_with_eval_and_pdf() {
 
 #[test]
 fn white_furnace() {
-    // Flux mode: what comes in goes out, whatever the direction.
+    // In flux mode the outgoing flux equals the incident flux, in every direction.
     let mut rng = Rng::new(6, Stream::Measure, 0);
     let white = Bsdf::Mirror(Mirror { reflectance: Rgb::ONE });
     for bsdf in [lambert(1.0), white, dielectric(1.5), dielectric(1.0), dielectric(0.7)] {
@@ -120,7 +122,8 @@ fn reciprocity() {
             lambert(0.3).eval(Lobe::Diffuse, b, a, TransportMode::Radiance)
         );
     }
-    // f(wo, wi) / n_i^2 = f(wi, wo) / n_o^2 (Veach 1997, section 5.2): there and back is one, in radiance.
+    // f(wo, wi) / n_i^2 = f(wi, wo) / n_o^2 (Veach 1997, section 5.2): the factors of the way there and back multiply to one, for
+    // radiance.
     for ior in [0.7, 1.0, 1.0001, 1.33, 1.5, 2.417, 10.0] {
         let glass = Dielectric::new(1.0, ior);
         for step in 1..=100 {
@@ -134,11 +137,11 @@ fn reciprocity() {
             assert!((there.throughput.x * back.throughput.x - 1.0).abs() < 1e-6);
             let n_o_over_n_i = (1.0 / ior) as f32;
             assert!((there.throughput.x / n_o_over_n_i.powi(2) - 1.0).abs() < 1e-6);
-            // Going back amplifies the error of `there.wi` by the index.
+            // The way back amplifies the error of `there.wi` by the index.
             assert!((back.wi - wo).length() < 1e-6 * ior.max(1.0) as f32 / wo.z, "{ior}: {} {wo}", back.wi);
         }
     }
-    // In flux there is no factor.
+    // For flux there is no factor.
     let sample = Dielectric::new(1.0, 1.5).sample(Vec3::Z, 0.5, TransportMode::Flux).unwrap();
     assert_eq!((sample.wi, sample.throughput), (Vec3::NEG_Z, Rgb::ONE));
 }
@@ -227,13 +230,13 @@ fn extremes() {
 
 #[test]
 fn energy_leaves_a_glass_ball() {
-    // Flux into a ball at random angles comes out again; after k internal reflections R^k remains.
+    // Flux that enters a ball at random angles leaves it again; after k internal reflections R^k remains.
     let glass = Dielectric::new(1.0, 1.5);
     let mut rng = Rng::new(10, Stream::Measure, 0);
     let n = 50_000;
     let (mut back, mut trapped) = (0u32, 0u32);
     for _ in 0..n {
-        // Sine distributed as for parallel light on a disc. In a ball every inner hit has the same cosine.
+        // The sine is distributed as for parallel light on a disc. In a ball every inner hit has the same cosine.
         let wo = direction((1.0 - rng.next_f32()).sqrt(), 0.0);
         let first = glass.sample(wo, rng.next_f32(), TransportMode::Flux).unwrap();
         if !first.transmission {

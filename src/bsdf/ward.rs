@@ -1,3 +1,5 @@
+//! Ward's anisotropic reflection model.
+
 use super::ggx::{half_vector, reflect_about};
 use super::part::PartSample;
 use super::{Form, Lambert};
@@ -5,8 +7,8 @@ use crate::math::Rgb;
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-/// Ward's model of anisotropic reflection ("Measuring and Modeling Anisotropic Reflection", SIGGRAPH 1992): a Lambert
-/// part and a Gaussian of the half vector's slopes.
+/// Ward's model of anisotropic reflection ("Measuring and Modeling Anisotropic Reflection", SIGGRAPH 1992): a Lambert part and a
+/// Gaussian of the half vector's slopes.
 ///
 /// With `h = (wi + wo) / |wi + wo|` and `E = exp(-((h_x/along)^2 + (h_y/across)^2) / h_z^2)`:
 ///
@@ -25,24 +27,24 @@ pub struct Ward {
     form: Form,
 }
 
-/// Smallest roughness: below, the Gaussian is narrower than what `f32` holds of a half vector.
+/// Smallest roughness: for smaller values the Gaussian is narrower than the resolution of half vectors in `f32`.
 const SMALLEST_ROUGHNESS: f32 = super::SMOOTH_ROUGHNESS;
 
 impl Ward {
-    /// The same with its diffuse part multiplied by `tint`, in `[0, 1]`.
+    /// The same model with its diffuse part multiplied by `tint`, in `[0, 1]`.
     pub fn tinted(mut self, tint: Rgb) -> Self {
         self.diffuse *= tint;
         self
     }
 
-    /// True where a rotation about the normal changes anything.
+    /// Whether a rotation about the normal changes the model.
     #[inline]
     pub fn is_anisotropic(&self) -> bool {
         self.roughness[0] != self.roughness[1]
     }
 
-    /// Reflectances of both parts, whose sum should not exceed one, and the slopes `alpha_x` and `alpha_y` along the
-    /// frame's x axis and across it, in `(0, 1]`; smaller than 1e-4 counts as that.
+    /// Takes the reflectances of both parts, whose sum should not exceed one, and the slopes `alpha_x` and `alpha_y` along the frame's x
+    /// axis and across it, in `(0, 1]`. Slopes below 1e-4 count as 1e-4.
     pub fn new(diffuse: Rgb, gloss: Rgb, roughness: [f32; 2], form: Form) -> Self {
         Self { diffuse, gloss, roughness: roughness.map(|alpha| alpha.max(SMALLEST_ROUGHNESS)), form }
     }
@@ -94,7 +96,7 @@ impl Ward {
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
-    /// By the half vector, Gaussian in its slopes (eq. 8 and 9; Walter, "Notes on the Ward BRDF", 2005).
+    /// Samples the half vector with Gaussian slopes (eq. 8 and 9; Walter, "Notes on the Ward BRDF", 2005).
     #[inline]
     pub(super) fn sample_gloss(&self, wo: Vec3, u: Vec2) -> Option<PartSample> {
         let [along, across] = self.roughness;

@@ -1,4 +1,4 @@
-//! Direct illumination: the first integral of eq. (2).
+//! Direct illumination by shadow rays: the first integral of eq. (2).
 
 use super::{Directions, Scratch};
 use crate::bsdf::Lobe;
@@ -14,53 +14,53 @@ use crate::transport::{
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::AddAssign;
 
-/// What a surface reflects or transmits of the light that arrives straight from emitters, by lobe.
+/// Light that arrives straight from emitters and that a surface reflects or transmits, by lobe.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reflected {
     /// By the diffuse lobe.
     pub diffuse: Rgb,
-    /// By the glossy lobe, weighted against rays drawn from it.
+    /// By the glossy lobe, with the MIS weight against rays sampled from that lobe.
     pub glossy: Rgb,
 }
 
-/// Shadow rays from surfaces that are not specular to sampled points of the lights.
+/// Traces shadow rays from surfaces that are not specular to sampled points of the lights.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectLighting<'a> {
     scene: &'a Scene,
     /// Shadow rays per light.
     samples: u32,
-    /// Whether rays drawn from the diffuse lobe complete the estimate by multiple importance sampling; those from the
-    /// glossy lobe always do.
+    /// Whether rays sampled from the diffuse lobe complete the estimate by multiple importance sampling. Rays from the glossy lobe
+    /// always do.
     bsdf_sampling: bool,
-    /// Photons that tell where shadow rays are not needed.
+    /// Shadow photons that decide where shadow rays are not needed.
     shadows: Option<&'a ShadowMaps>,
 }
 
-/// A surface that light arrives at, and what its photons said of the light asked for last.
+/// A surface that receives light, with the latest decision of its shadow photons.
 struct Shaded<'a> {
-    /// The place as lights see it.
+    /// The receiving point, as lights use it.
     at: Receiver,
     hit: &'a SurfaceInteraction,
     directions: &'a Directions<'a>,
     medium: MediumStack,
-    /// Index of a light, and what its photons say; all rays to one light from one place share it.
+    /// Index of a light, and the decision of its shadow photons. All rays from one point to one light share it.
     decided: Option<(usize, Option<ShadowDecision>)>,
 }
 
 impl<'a> DirectLighting<'a> {
-    /// `samples` shadow rays to each light (or in all, where lights are many).
+    /// Traces `samples` shadow rays to each light, or to all lights together where there are many.
     pub fn new(scene: &'a Scene, samples: u32, bsdf_sampling: bool) -> Self {
         Self { scene, samples: samples.max(1), bsdf_sampling, shadows: None }
     }
 
-    /// The same with shadow rays only where `shadows` leaves open whether a light is seen.
+    /// The same, with shadow rays only where `shadows` cannot decide whether a light is visible.
     #[must_use]
     pub fn with_shadows(self, shadows: Option<&'a ShadowMaps>) -> Self {
         Self { shadows, ..self }
     }
 
-    /// Radiance towards `hit.wo` of the light that arrives straight from emitters. `directions` are how rays are drawn that
-    /// may hit a light by chance.
+    /// Radiance towards `hit.wo` of the light that arrives straight from emitters. `directions` describes how rays are sampled that may
+    /// hit a light by chance.
     pub fn radiance(
         &self,
         hit: &SurfaceInteraction,
@@ -98,9 +98,10 @@ impl<'a> DirectLighting<'a> {
         Reflected { diffuse: sum.diffuse / count, glossy: sum.glossy / count }
     }
 
-    /// Radiance that a stretch of a path scatters of the light that arrives straight from emitters, at its start and over its weight: one
-    /// place and one shadow ray for each light. Places are sampled where the light is and where the path gets to (Kulla & Fajardo 2012),
-    /// and weighted against collisions of the path with a direction of the phase function. `throughput` is that of the path there.
+    /// Radiance of direct light that a stretch of a path scatters, at the start of the stretch and divided by its weight. One point and
+    /// one shadow ray are sampled for each light. Points are sampled near the light and where the path is likely to collide (Kulla &
+    /// Fajardo 2012), and weighted against collisions of the path followed by a direction of the phase function. `throughput` is that of
+    /// the path at the start of the stretch.
     pub fn scattered(
         &self,
         stretch: &Stretch<'_>,
@@ -132,7 +133,7 @@ impl<'a> DirectLighting<'a> {
         sum
     }
 
-    /// [`Self::scattered`] at a sampled distance, of a light that was chosen with a probability.
+    /// [`Self::scattered`] at a sampled distance, for a light that was chosen with a given probability.
     fn scattered_at(
         &self,
         stretch: &Stretch<'_>,
@@ -171,8 +172,8 @@ impl<'a> DirectLighting<'a> {
         sample.radiance_over_pdf * arriving * left * scattering * (phase * weight / probability)
     }
 
-    /// Factor on the density of a direction of the phase function at a collision, to be compared with samples of the light `id` by
-    /// [`Self::scattered`]; `None` for lights at infinity. `throughput` is that of the path at the start of the stretch.
+    /// Factor on the phase function's density at a collision, which makes it comparable with the samples of the light `id` by
+    /// [`Self::scattered`]. `id` is `None` for lights at infinity. `throughput` is that of the path at the start of the stretch.
     pub fn density_of_collision(&self, at: &Collision<'_>, throughput: Rgb, id: Option<LightId>) -> f32 {
         let anchor =
             id.filter(|id| self.scene.light_choice().each().contains(id)).and_then(|id| self.anchor(id));
@@ -181,7 +182,7 @@ impl<'a> DirectLighting<'a> {
         (collision_density(extinction, throughput, at.t) / distances.pdf(at.t)) as f32
     }
 
-    /// Where a light is, about; `None` for light from infinity.
+    /// Approximate position of a light; `None` for light from infinity.
     fn anchor(&self, light: LightId) -> Option<DVec3> {
         match &self.scene.lights()[light as usize] {
             Light::Area(area) => area.bounding_sphere().map(|(centre, _)| centre),
@@ -191,8 +192,8 @@ impl<'a> DirectLighting<'a> {
         }
     }
 
-    /// One shadow ray, weighted against BSDF sampling where that is done too. `choice` holds the probability with which
-    /// the light was chosen and the random numbers.
+    /// One shadow ray, with an MIS weight against BSDF sampling where that is used too. The tuple holds the probability with which the
+    /// light was chosen and the random numbers.
     fn sample_light(
         &self,
         receiver: &mut Shaded<'_>,
@@ -210,7 +211,7 @@ impl<'a> DirectLighting<'a> {
         let (wo, wi) = (shading.wo_local, shading.frame.to_local(sample.wi));
         let side = sample.wi.dot(shading.geometric) * hit.wo.dot(shading.geometric);
         let transmission = side < 0.0;
-        // Where the normals differ, the shading knows on which side of the surface the light is.
+        // Where the shading and geometric normals differ, the shading itself decides on which side of the surface the light is.
         if side == 0.0 || shading.bend.is_none() && transmission != (wi.z * wo.z < 0.0) {
             return nothing;
         }
@@ -225,7 +226,7 @@ impl<'a> DirectLighting<'a> {
         let Some(medium) = self.scene.medium_after(medium, hit, shading, sample.wi, transmission) else {
             return nothing;
         };
-        // Photons tell of the side that they arrived on.
+        // Photons describe only the side on which they arrived.
         let decision = if transmission { None } else { self.decision(receiver, index, scratch) };
         let transmittance = match decision {
             Some(ShadowDecision::Shadow) => None,
@@ -251,7 +252,7 @@ impl<'a> DirectLighting<'a> {
         found
     }
 
-    /// What the photons of a light say of the receiver, asked once for all rays; counts the ray that waits for it.
+    /// Decision of a light's shadow photons at the receiver, made once for all rays; also counts the ray that depends on it.
     #[inline]
     fn decision(
         &self,
@@ -278,25 +279,25 @@ impl<'a> DirectLighting<'a> {
     }
 }
 
-/// A place in a medium as lights see it.
+/// A point in a medium, as lights use it.
 fn in_medium(position: Vec3) -> Receiver {
     Receiver { position, normal: Vec3::ZERO }
 }
 
-/// What shadow photons decided about one light.
+/// Decisions of shadow photons about one light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct ShadowCounters {
-    /// Points at which they say that all of the light is seen.
+    /// Points at which the light is fully visible.
     pub lit: u64,
-    /// Points at which they say that none of it is.
+    /// Points at which the light is fully hidden.
     pub shadow: u64,
-    /// Points where direct and shadow photons meet.
+    /// Points at which direct and shadow photons are mixed.
     pub mixed: u64,
-    /// Points with too few photons around to say.
+    /// Points with too few photons around for a decision.
     pub too_few: u64,
-    /// Shadow rays that were not traced.
+    /// Shadow rays that were saved.
     pub rays_saved: u64,
-    /// Shadow rays that were.
+    /// Shadow rays that were traced.
     pub rays_traced: u64,
 }
 

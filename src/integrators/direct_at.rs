@@ -1,4 +1,4 @@
-//! Irradiance of direct light at places of which position and normal are known, as those of photons.
+//! Direct irradiance at points with known position and normal, such as those of photons.
 
 use super::{DirectLighting, Directions, Scratch};
 use crate::math::Rgb;
@@ -8,10 +8,11 @@ use crate::scene::{Material, Scene, SurfaceInteraction};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Shadow rays to each light from each place. Few, since their noise differs from place to place, and a gather ends at many.
+/// Shadow rays to each light from each point. A few suffice: their noise differs from point to point, and gather rays end at many
+/// points.
 const SHADOW_RAYS: u32 = 2;
 
-/// Irradiance of the light that arrives straight from emitters, by shadow rays.
+/// Computes the irradiance that arrives straight from emitters, by shadow rays.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectAt<'a> {
     scene: &'a Scene,
@@ -20,14 +21,14 @@ pub struct DirectAt<'a> {
 }
 
 impl<'a> DirectAt<'a> {
-    /// In a scene whose media do not absorb: what the places lie in is not known.
+    /// Requires a scene whose media do not absorb, because the medium at the points is not known.
     pub fn new(scene: &'a Scene, seed: u64) -> Self {
         let seed = mix(seed ^ Stream::DirectAtPoints as u64);
         Self { scene, lights: DirectLighting::new(scene, SHADOW_RAYS, false), seed }
     }
 
-    /// Irradiance in W m^-2 times the power factor of render space, with the cosine to the shading normal: an unbiased estimate,
-    /// by random numbers that belong to the `number`. `None` where no surface is found.
+    /// Unbiased estimate of the irradiance in W m^-2 times the power factor of render space, with the cosine to the shading normal.
+    /// `number` selects the random numbers. `None` where no surface is found.
     pub fn irradiance(&self, number: u64, position: Vec3, normal: Vec3) -> Option<Rgb> {
         let hit = self.scene.surface_at(position, normal)?;
         let hit = SurfaceInteraction { tint: Rgb::ONE, ..hit };

@@ -1,4 +1,4 @@
-//! How the next direction is drawn at a surface: by its BSDF, or by its BSDF and the photons near it together.
+//! Sampling of the next direction at a surface: by its BSDF alone, or by its BSDF and the nearby photons together.
 
 use super::Counters;
 #[cfg(doc)]
@@ -8,12 +8,12 @@ use crate::photons::{DirectionGuide, GuideLobe};
 use crate::scene::{Shading, SurfaceInteraction};
 use glam::{Vec2, Vec3};
 
-/// Share of directions drawn from a diffuse lobe that is not Lambertian. For the Lambertian the guide alone suffices: it draws in
-/// proportion to the cosine and what arrives, with a floor of cosine sampling in it, and one warp of the unit square
-/// keeps the strata of its points.
+/// Share of directions sampled from the BSDF at a diffuse lobe that is not Lambertian. For a Lambertian lobe the guide alone suffices:
+/// it samples in proportion to the cosine and the arriving light, it includes a floor of cosine sampling, and it maps the unit square by
+/// one warp, which keeps the strata of its points.
 const BSDF_SHARE: f32 = 0.5;
 
-/// The density of directions at one point of a surface, the same for drawing and for weights.
+/// The density of directions at one point of a surface, the same for sampling and for MIS weights.
 #[derive(Clone, Copy, Debug)]
 pub struct Directions<'a> {
     /// How the point scatters.
@@ -22,12 +22,12 @@ pub struct Directions<'a> {
 }
 
 impl<'a> Directions<'a> {
-    /// Drawn from the BSDF alone.
+    /// Directions sampled from the BSDF alone.
     pub fn of_bsdf(shading: &'a Shading) -> Self {
         Self { shading, guide: None }
     }
 
-    /// Drawn with the help of `guide` where there is one and photons are near; counts which.
+    /// Directions guided by `guide` where there is one and photons are near; counts which case applies.
     #[inline]
     pub fn new(
         guide: Option<&'a DirectionGuide>,
@@ -43,7 +43,7 @@ impl<'a> Directions<'a> {
         Self { shading, guide }
     }
 
-    /// Whether photons take part.
+    /// Whether photons guide the sampling.
     #[inline]
     pub fn is_guided(&self) -> bool {
         self.guide.is_some()
@@ -59,8 +59,8 @@ impl<'a> Directions<'a> {
         if self.shading.bsdf.lambertian().is_some() { 0.0 } else { BSDF_SHARE }
     }
 
-    /// Draws a lobe and a direction in the shading frame, of a path from the camera, as [`Bsdf::sample`] does; the
-    /// direction of the diffuse lobe as [`Self::sample_diffuse`] does.
+    /// Samples a lobe and a direction in the shading frame, for a path from the camera, as [`Bsdf::sample`] does. The direction of the
+    /// diffuse lobe is sampled as by [`Self::sample_diffuse`].
     #[inline]
     pub fn sample(&self, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let Shading { bsdf, wo_local: wo, .. } = self.shading;
@@ -80,9 +80,9 @@ impl<'a> Directions<'a> {
         Some(BsdfSample { throughput: sample.throughput / share, ..sample })
     }
 
-    /// Draws a direction of the diffuse lobe as if there were no other, in the shading frame, of a path from the camera.
-    /// Throughput and density are those of the mixture of BSDF and photons (one-sample estimate with the balance
-    /// heuristic, Veach 1997, section 9.2.4). `None` where nothing arrives.
+    /// Samples a direction of the diffuse lobe as if there were no other lobe, in the shading frame, for a path from the camera.
+    /// Throughput and density are those of the mixture of BSDF and photons (one-sample estimate with the balance heuristic, Veach 1997,
+    /// section 9.2.4). `None` where nothing arrives.
     #[inline]
     pub fn sample_diffuse(&self, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
         let shading = self.shading;
@@ -98,7 +98,7 @@ impl<'a> Directions<'a> {
             return Some(sample);
         }
         let (direction, cos, by_guide) = guide.sample(u);
-        // The cosine is that of the frame, without the rounding on the way to the world and back.
+        // This cosine is measured in the frame and has no rounding error of the way to world space and back.
         let wi = shading.frame.to_local(direction).truncate().extend(cos);
         let mut pdf = (1.0 - share) * by_guide;
         if share > 0.0 {
@@ -115,7 +115,7 @@ impl<'a> Directions<'a> {
         })
     }
 
-    /// Density per solid angle, 1/sr, with which [`Self::sample_diffuse`] draws `wi`, in the shading frame.
+    /// Density per solid angle, 1/sr, with which [`Self::sample_diffuse`] samples `wi`, in the shading frame.
     #[inline]
     pub fn pdf_diffuse(&self, wi: Vec3) -> f32 {
         let shading = self.shading;

@@ -1,5 +1,5 @@
-//! How much each of many lights contributes to the picture, found by a short pass from the camera before photons are shared
-//! out: a light in another room gets few of them, one in this room many.
+//! Light importance: a short pass from the camera estimates how much each light contributes to the image, before the photons are
+//! distributed among the lights. A light in another room gets few photons, one in this room gets many.
 
 use crate::bsdf::Lobe;
 use crate::camera::Camera;
@@ -12,30 +12,30 @@ use crate::transport::{receiver, shadow_ray};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Paths along each side of the picture, where lights are many, and where each is looked at by itself.
+/// Paths along each side of the image: the first where there are many lights, the second where each light is sampled by itself.
 const SIDE: u32 = 96;
 const SIDE_OF_FEW: u32 = 40;
 
-/// Surfaces of a path.
+/// Largest number of surfaces of a path.
 const DEPTH: u32 = 6;
 
-/// Lights drawn at each surface of a path from those that are not sampled one by one.
+/// Lights sampled at each surface of a path, of those that are not sampled one by one.
 const DRAWN: u32 = 4;
 
-/// Interfaces that light may pass on its way to a surface, as through a window.
+/// Number of interfaces that light may pass on its way to a surface, as through a window.
 const PANES: u32 = 8;
 
-/// Caustic photons of each light by which its caustics in the picture are told.
+/// Caustic photons per light that survey its caustics in the image.
 const CAUSTIC_PHOTONS: u64 = 2048;
 
-/// Part of the photons that is shared out by flux whatever the paths found: a light gets no less than this part of what it would
-/// get by flux, so that its photons are at most so many times stronger than the mean.
+/// Part of the photons that is distributed by flux whatever the paths found. A light gets at least this part of its share by flux, so
+/// that the power of its photons is at most the inverse of this times the mean.
 pub const SHARE_BY_FLUX: f64 = 0.2;
 
-/// Few lights share photons by flux as long as none of them deserves more than so many times as many.
+/// A few lights keep their photon shares by flux as long as none of them deserves more than this factor times its share.
 const STARVED: f64 = 2.0;
 
-/// By light, what its photons by flux are to be multiplied by; positive. It changes noise, and no light.
+/// Factors, by light, on its number of photons by flux; positive. They change the noise but not the light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotonBudget {
     /// For the global map.
@@ -44,9 +44,9 @@ pub struct PhotonBudget {
     pub caustic: Vec<f64>,
 }
 
-/// How photons are to be shared out, so that they come by the light that the camera sees of each, mostly: for the global map by
-/// indirect light, for the caustic map by caustics; with at least [`SHARE_BY_FLUX`] of the share by flux. The same for any
-/// number of threads. `None` where sharing by flux does as well, or no path met light that had been reflected.
+/// Computes how photons are to be distributed, so that most of them follow the light of each emitter that the camera sees: indirect
+/// light for the global map, caustics for the caustic map. Each light keeps at least [`SHARE_BY_FLUX`] of its share by flux. The result
+/// is the same for any number of threads. `None` where distribution by flux is as good, or where no path met reflected light.
 pub fn light_importance(scene: &Scene, camera: &Camera, seed: u64) -> Option<PhotonBudget> {
     let lights = scene.lights();
     let is_few = lights.len() <= LIGHTS_SAMPLED_EACH;
@@ -89,7 +89,7 @@ pub fn light_importance(scene: &Scene, camera: &Camera, seed: u64) -> Option<Pho
     (!(is_even(&global) && is_even(&caustic))).then_some(PhotonBudget { global, caustic })
 }
 
-/// What shares by `flux` are to be multiplied by to become mostly those of what is `seen`.
+/// Factors that turn shares by `flux` into shares that mostly follow the light that is `seen`.
 fn factors(seen: &[f64], flux: &[f64]) -> Option<Vec<f64>> {
     let (all_seen, all_flux) = (seen.iter().sum::<f64>(), flux.iter().sum::<f64>());
     if !(all_seen > 0.0 && all_seen.is_finite() && all_flux > 0.0) {
@@ -110,27 +110,27 @@ fn is_starving(factors: &[f64]) -> bool {
     factors.iter().any(|&factor| factor > STARVED)
 }
 
-/// What paths found.
+/// Results of the camera paths.
 #[derive(Default)]
 struct Found {
-    /// Light that arrives behind a diffuse reflection, by what the picture shows of it.
+    /// Light that arrives behind a diffuse reflection, with its contribution to the image.
     lights: Vec<(LightId, f64)>,
-    /// Where caustics would be seen.
+    /// Visible points at which caustics would show.
     eyes: Vec<Eye>,
 }
 
-/// A diffuse surface that the camera sees, directly or by specular surfaces.
+/// A diffuse surface point that the camera sees, directly or through specular surfaces.
 struct Eye {
     position: Vec3,
-    /// On the side that is seen.
+    /// Normal on the visible side.
     normal: Vec3,
-    /// About the distance to what the next path sees: a place stands for as much around it.
+    /// Approximate distance to the point that the next path sees: the point represents its surroundings up to that distance.
     radius: f32,
-    /// Radiance in the picture over the irradiance there.
+    /// Radiance in the image over the irradiance at the point.
     weight: f32,
 }
 
-/// By light, the caustics of it that the camera sees; or where it sees none, all that there are.
+/// Visible caustics by light; if no caustics are visible, all caustics.
 fn caustics_seen(survey: &[CausticSurvey], eyes: &[Eye]) -> Vec<f64> {
     let of_photon = |photon: &crate::photons::Photon| -> f64 {
         let seen = |eye: &Eye| {
@@ -153,7 +153,7 @@ fn caustics_seen(survey: &[CausticSurvey], eyes: &[Eye]) -> Vec<f64> {
     survey.iter().map(power).collect()
 }
 
-/// One path, and what lights send to its surfaces behind a diffuse reflection.
+/// Traces one path and collects the light that arrives at its surfaces behind a diffuse reflection.
 fn trace(scene: &Scene, camera: &Camera, ((x, y), side): ((u32, u32), u32), seed: u64, found: &mut Found) {
     let pixel = u64::from(y) * u64::from(side) + u64::from(x);
     let mut samples = SampleStream::new(mix(seed ^ Stream::LightImportance as u64), pixel, 0);
@@ -184,7 +184,7 @@ fn trace(scene: &Scene, camera: &Camera, ((x, y), side): ((u32, u32), u32), seed
     }
 }
 
-/// Irradiance by each light, times `weight`.
+/// Collects the irradiance by each light, times `weight`.
 fn gather(
     scene: &Scene,
     hit: &SurfaceInteraction,
@@ -218,7 +218,7 @@ fn gather(
     }
 }
 
-/// Whether light reaches a surface, straight or by panes that it passes nearly straight.
+/// Whether light reaches a surface, straight or through panes that it passes nearly straight.
 fn arrives(scene: &Scene, hit: &SurfaceInteraction, sample: &LightSample) -> bool {
     let ray = shadow_ray(hit, sample);
     if !scene.occluded(&ray) {

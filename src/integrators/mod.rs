@@ -1,8 +1,8 @@
-//! Pass 2: from a camera ray to radiance.
+//! Integrators (pass 2): they compute radiance along camera rays.
 //!
-//! Every integrator splits what it finds into the same five parts, emission and the four integrals of Jensen 1996,
-//! eq. (2); `docs/light-paths.md` has the table that assigns each kind of path to exactly one.
-// A new choice of a setting does not compile until each match says what it means there.
+//! Every integrator splits its result into the same five parts: emission and the four integrals of Jensen 1996, eq. (2). The table in
+//! `docs/light-paths.md` assigns each kind of path to exactly one part.
+// A new variant of a setting does not compile until every match handles it.
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod direct;
@@ -36,23 +36,23 @@ use crate::scene::{Scene, Shading, SurfaceInteraction};
 use std::cell::Cell;
 use std::ops::AddAssign;
 
-/// A camera sample that an integrator follows.
+/// A camera ray, with what the integrator needs to know about glints.
 #[derive(Clone, Copy, Debug)]
 pub struct EyeRay<'a> {
-    /// Its ray.
+    /// The camera ray.
     pub ray: Ray,
-    /// How lamps behind chains of specular surfaces count; `None` for as they are met.
+    /// How emitters behind specular chains are weighted; `None` gives each of them unit weight.
     pub glints: Option<GlintView<'a>>,
 }
 
 impl EyeRay<'_> {
-    /// A ray that finds all light itself.
+    /// A ray without glint handling: the integrator finds all light by its own samples.
     pub fn alone(ray: Ray) -> Self {
         Self { ray, glints: None }
     }
 
-    /// What light of a lamp counts for that is met behind a chain, by the `ray` that leaves it.
-    /// Counts in `rare` where that is less as it is rare.
+    /// MIS weight of an emitter that is hit behind the specular `chain`, by the `ray` that leaves the chain. Increments `rare` where the
+    /// weight is reduced because hits are rare.
     fn lamp_weight(&self, chain: &glints::Chain, lamp: LightId, ray: &Ray, rare: &Cell<u64>) -> f32 {
         match &self.glints {
             Some(glints) if !chain.is_empty() => {
@@ -64,8 +64,8 @@ impl EyeRay<'_> {
         }
     }
 
-    /// Radiance of lamps around the ray by which `next` continues the branch `before` it specularly, behind a glossy lobe; `None` where
-    /// that ray is to meet them by itself.
+    /// Radiance of small emitters in a cone around the ray by which `next` continues the branch `before` specularly, behind a glossy
+    /// lobe. `None` where that ray must find them by itself.
     fn widened(
         &self,
         branches: (&specular::Branch, &specular::Branch),
@@ -77,107 +77,107 @@ impl EyeRay<'_> {
         Some(glints.hunter.widened(branches, at, glints.samples?, samples, scratch))
     }
 
-    /// Whether that found the light of this lamp, which `ray` meets.
+    /// Whether [`Self::widened`] has already counted the light of this emitter, which `ray` hits.
     fn has_widened(&self, lamp: LightId, ray: &Ray) -> bool {
         self.glints.as_ref().is_some_and(|glints| glints.hunter.has_widened(lamp, ray))
     }
 }
 
-/// Computes the radiance of camera rays. Shared by all threads; what a thread needs for itself is in [`Scratch`].
+/// Computes the radiance of camera rays. All threads share one integrator; per-thread memory is in [`Scratch`].
 pub trait Integrator: Sync {
-    /// Radiance along a ray that starts in the scene's camera medium, in W/(m^2 sr) times the power factor of render space,
-    /// split into its parts.
+    /// Radiance along a ray that starts in the scene's camera medium, split into its parts, in W/(m^2 sr) times the power factor of
+    /// render space.
     fn li(&self, ray: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample;
 }
 
 /// Per-thread memory, reused from sample to sample so that no ray allocates.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    /// For look-ups in photon maps.
+    /// Memory for photon-map lookups.
     pub photons: PhotonScratch,
-    /// What was traced.
+    /// Counts of rays, lookups and other events.
     pub counters: Counters,
-    /// What shadow photons decided, by light; empty where they are not asked.
+    /// Decisions by shadow photons, by light; empty where shadow photons are not used.
     pub shadows: Vec<ShadowCounters>,
     /// Estimates that the camera samples of one pixel share.
     remembered: photon_map::Remembered,
-    /// By how much the light of the surface that was shaded last is expected to be off.
+    /// Expected bias of the surface that was shaded last.
     bias: Rgb,
-    /// Specular branches that wait for their turn.
+    /// Specular branches that are still to be followed.
     branches: Vec<specular::Branch>,
 }
 
-/// What rendering counted.
+/// Counts of rendering events.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct Counters {
     /// Rays from the camera.
     pub camera_rays: u64,
-    /// Rays continued by specular reflection or refraction, from the camera.
+    /// Camera rays continued by specular reflection or refraction.
     pub specular_rays: u64,
-    /// Distribution rays drawn from highly glossy lobes, from the camera.
+    /// Distribution rays sampled from highly glossy lobes along camera paths.
     pub glossy_rays: u64,
-    /// Rays by which gathering goes on at specular and highly glossy surfaces.
+    /// Rays that continue gathering at specular and highly glossy surfaces.
     pub approximate_rays: u64,
     /// Shadow rays.
     pub shadow_rays: u64,
     /// Final gather rays.
     pub gather_rays: u64,
-    /// Rays continued in any other way: paths, and BSDF samples of lights.
+    /// All other continued rays: path segments, and BSDF samples of lights.
     pub path_rays: u64,
     /// Estimates from the global map.
     pub global_lookups: u64,
     /// Estimates from the caustic map.
     pub caustic_lookups: u64,
-    /// Evaluations of caustics that took the estimate of another camera sample of the same pixel.
+    /// Caustic evaluations that reused the estimate of another camera sample of the same pixel.
     pub caustic_shared: u64,
-    /// Evaluations of caustics precomputed at a point nearby.
+    /// Caustic evaluations that read a precomputed point nearby.
     pub caustic_nearby: u64,
-    /// Readings of illumination maps.
+    /// Lookups in illumination maps.
     pub illumination_lookups: u64,
-    /// Gather rays for which no photon with a fitting normal was near.
+    /// Gather rays for which no photon with a matching normal was near.
     pub empty_lookups: u64,
-    /// Surfaces at which photons took part in drawing directions.
+    /// Surfaces at which photons guided the sampling of directions.
     pub guided: u64,
-    /// Surfaces at which they were asked to and none were near.
+    /// Surfaces at which guiding was enabled, but no photons were near.
     pub unguided: u64,
-    /// Photons that estimates looked at.
+    /// Photons that estimates visited.
     pub photons_visited: u64,
-    /// Estimates that differential checking made smaller.
+    /// Estimates that differential checking reduced in size.
     pub differential_stops: u64,
     /// Feeler rays of visible kernels.
     pub feelers: u64,
-    /// Paths cut at the depth limit.
+    /// Paths that were cut at the depth limit.
     pub truncated: u64,
-    /// Lamps met in glass or mirrors where samples are too few to show how bright they are there, and dimmed.
+    /// Emitters hit through glass or mirrors and dimmed, because the samples are too few to resolve their brightness there.
     pub rare_glints: u64,
-    /// Interfaces met.
+    /// Interfaces that rays met.
     pub interfaces: u64,
-    /// Interfaces met in another medium than they state.
+    /// Interfaces at which the ray's medium differs from the one that the interface declares.
     pub medium_mismatches: u64,
-    /// Segments traced, over all paths: divided by camera rays, the mean ray depth.
+    /// Segments traced over all paths; divided by the count of camera rays, this is the mean ray depth.
     pub depth_sum: u64,
-    /// Paths that ended in a look-up behind a diffuse reflection.
+    /// Paths that ended in a lookup behind a diffuse reflection.
     pub gather_paths: u64,
-    /// Segments of those paths, from the eye on: divided by their count, the mean depth of an image-sampling ray.
+    /// Segments of those paths, counted from the eye; divided by their count, this is the mean depth of an image-sampling ray.
     pub gather_path_segments: u64,
     /// Evaluations of indirect light by interpolation in the irradiance cache.
     pub cache_hits: u64,
-    /// Evaluations for which no record of the irradiance cache was near, and which gathered for themselves.
+    /// Evaluations for which no cache record was near, so that they gathered themselves.
     pub cache_misses: u64,
-    /// Accurate evaluations at surfaces seen by the eye or through specular ones.
+    /// Accurate evaluations at surfaces seen by the eye directly or through specular surfaces.
     pub accurate_seen: u64,
-    /// Accurate evaluations behind a diffuse reflection because the surface is close by.
+    /// Accurate evaluations behind a diffuse reflection because the surface is close.
     pub accurate_close: u64,
-    /// Accurate evaluations behind a diffuse reflection because photons are too few: recursive sampling.
+    /// Accurate evaluations behind a diffuse reflection because there are too few photons: recursive sampling.
     pub accurate_poor: u64,
-    /// Accurate evaluations behind a diffuse reflection because a progressive round drew that by chance.
+    /// Accurate evaluations behind a diffuse reflection that a progressive round chose at random.
     pub accurate_drawn: u64,
-    /// Approximate evaluations: behind a diffuse reflection.
+    /// Approximate evaluations behind a diffuse reflection.
     pub approximate_diffuse: u64,
-    /// Approximate evaluations because the path carries little.
+    /// Approximate evaluations because the path has a small weight.
     pub approximate_weight: u64,
-    /// Approximate evaluations from too few photons because a recursion had to end.
+    /// Approximate evaluations from too few photons because the recursion had to end.
     pub approximate_poor: u64,
 }
 
@@ -220,7 +220,7 @@ impl AddAssign for Counters {
     }
 }
 
-/// What the first surface contributes to the auxiliary layers.
+/// Writes the first surface's values to the auxiliary layers.
 fn describe_first_hit(sample: &mut PixelSample, scene: &Scene, hit: &SurfaceInteraction) {
     let shading = hit.shading(scene.material(hit));
     sample.albedo = shading.bsdf.albedo(shading.wo_local);

@@ -1,6 +1,6 @@
-//! The reference: unbiased path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling
-//! (Veach & Guibas 1995). Reads no map, so that the maps can be checked against it; photons may tell it where to look
-//! (Jensen 1995), which changes noise and nothing else.
+//! Path tracer, the reference: unbiased path tracing (Kajiya 1986) with next-event estimation and multiple importance sampling (Veach &
+//! Guibas 1995). It reads no map, so that the maps can be checked against it. Photons may guide the sampling of directions (Jensen
+//! 1995), which changes nothing but the noise.
 
 use super::direct::DirectLighting;
 use super::glints::Chain;
@@ -21,7 +21,7 @@ use crate::transport::{
 use glam::Vec3;
 use std::cell::Cell;
 
-/// Surfaces after which roulette may end a path.
+/// Number of surfaces after which Russian roulette may end a path.
 const ROULETTE_DEPTH: u32 = 4;
 
 /// Path tracer.
@@ -34,23 +34,23 @@ pub struct PathTracer<'a> {
     camera_medium: MediumStack,
 }
 
-/// Which part of the picture light belongs to that reaches a path now, by the surfaces it has met from the camera on.
+/// Which part of the image receives the light that reaches a path, by the surfaces that the path has met since the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Class {
     /// No surface yet.
     Camera,
-    /// Something specular or highly glossy first: all of it is the specular part.
+    /// A specular or highly glossy surface first: all further light belongs to the specular part.
     ThroughSpecular,
-    /// A diffuse surface, and nothing since.
+    /// One diffuse surface, and none after it.
     Diffuse,
-    /// A diffuse surface, and only specular or highly glossy ones since.
+    /// One diffuse surface, and only specular or highly glossy ones after it.
     DiffuseThenSpecular,
     /// Two diffuse surfaces or more.
     DiffuseTwice,
 }
 
 impl Class {
-    /// After scattering by this lobe.
+    /// Class after scattering by this lobe.
     fn after(self, lobe: Lobe) -> Self {
         match (self, lobe) {
             (Self::Camera | Self::ThroughSpecular, Lobe::Specular | Lobe::Glossy)
@@ -63,7 +63,7 @@ impl Class {
         }
     }
 
-    /// The part for light that arrives after these surfaces.
+    /// Image part of light that arrives after these surfaces.
     fn part(self) -> Aov {
         match self {
             Self::Camera => Aov::Emission,
@@ -82,31 +82,31 @@ impl<'a> PathTracer<'a> {
         Self { scene, direct, guide: None, max_depth, camera_medium }
     }
 
-    /// The same paths, drawn with the help of photons.
+    /// The same path tracer, with directions guided by photons.
     pub fn guided_by(self, guide: Option<&'a DirectionGuide>) -> Self {
         Self { guide, ..self }
     }
 }
 
-/// A path under way.
+/// State of the path that is being traced.
 struct State<'a> {
     ray: Ray,
-    /// The camera's ray and the specular surfaces met since, where there were no others.
+    /// The camera's ray and the specular chain since; `None` once the path has met any other surface.
     seen: Option<(&'a EyeRay<'a>, Chain)>,
     throughput: Rgb,
     medium: MediumStack,
     class: Class,
     partner: Option<MisPartner>,
-    /// Where a medium scattered the path last, and its throughput before that, if that is where the ray starts.
+    /// The medium's scattering event at which the ray starts, and the throughput before it; `None` where the ray starts at a surface.
     collided: Option<(Collision<'a>, Rgb)>,
-    /// Specular or highly glossy surfaces met since the last other one.
+    /// Number of specular or highly glossy surfaces since the last other one.
     chain: u32,
-    /// Part of the throughput that comes from drawing directions more or less often than the BSDF alone would.
+    /// Factor of the throughput that comes from guided instead of BSDF sampling of directions.
     guidance: f32,
 }
 
 impl<'a> State<'a> {
-    /// A path that begins with this ray.
+    /// State of a path that starts with this ray.
     fn new(ray: Ray, medium: MediumStack) -> Self {
         Self {
             ray,
@@ -123,7 +123,7 @@ impl<'a> State<'a> {
 }
 
 impl PathTracer<'_> {
-    /// Draws the next ray; `false` where the path ends.
+    /// Samples the next ray; returns `false` where the path ends.
     fn scatter(
         &self,
         state: &mut State<'_>,
@@ -146,8 +146,8 @@ impl PathTracer<'_> {
         state.chain = if sample.lobe == Lobe::Diffuse { 0 } else { state.chain + 1 };
         let Some(weight) = chain_roulette(state.chain, || samples.next_1d()) else { return false };
         state.throughput *= weight;
-        // Roulette must not undo the guiding, which lowers the weight of the directions that matter: it goes by what the
-        // surfaces reflect.
+        // Russian roulette must not undo the guiding, which lowers the weight of the important directions. It therefore uses the
+        // reflectance of the surfaces alone.
         if directions.is_guided() && sample.lobe == Lobe::Diffuse {
             let by_bsdf = shading.pdf_solid_angle(Lobe::Diffuse, sample.wi);
             state.guidance *= by_bsdf / sample.pdf_solid_angle;
@@ -168,7 +168,7 @@ impl PathTracer<'_> {
     }
 }
 
-/// Plays Russian roulette by the brightest channel; `false` where the path ends.
+/// Plays Russian roulette by the brightest channel; returns `false` where the path ends.
 fn survives(state: &mut State<'_>, depth: u32, samples: &mut SampleStream) -> bool {
     let brightest = state.throughput.max_element() / state.guidance;
     if !(brightest > 0.0) {
@@ -184,7 +184,8 @@ fn survives(state: &mut State<'_>, depth: u32, samples: &mut SampleStream) -> bo
 }
 
 impl<'a> PathTracer<'a> {
-    /// The event in which the ray of a path ends, with what media take from the path on the way and add to it.
+    /// The event that ends the ray of a path. Applies the attenuation of the media on the way and adds the light that they emit and
+    /// scatter.
     fn next_event(
         &self,
         state: &mut State<'a>,
@@ -213,7 +214,8 @@ impl<'a> PathTracer<'a> {
         passage.event
     }
 
-    /// Goes on from where a medium scatters, which is a diffuse reflection on no surface; `false` where the path ends.
+    /// Continues the path from a scattering event in a medium, which counts as a diffuse reflection; returns `false` where the path
+    /// ends.
     fn scatter_in_medium(
         &self,
         state: &mut State<'a>,
@@ -236,7 +238,7 @@ impl<'a> PathTracer<'a> {
         true
     }
 
-    /// What the light `id` is weighted against where the ray of a path meets it; `None` for light from infinity.
+    /// Sampling density that the light `id` is weighted against where the ray of a path hits it. `id` is `None` for light from infinity.
     fn partner(&self, state: &State<'_>, id: Option<LightId>) -> Option<MisPartner> {
         let partner = state.partner?;
         let factor = state.collided.as_ref().map_or(1.0, |(collision, throughput)| {
@@ -245,7 +247,7 @@ impl<'a> PathTracer<'a> {
         Some(MisPartner { pdf: partner.pdf * factor, ..partner })
     }
 
-    /// Follows a path from its ray on, which leaves surface number `first` from the camera; what it finds is added to `out`.
+    /// Follows a path from its ray on and adds what it finds to `out`. The ray is segment number `first`, counted from the camera.
     fn follow(
         &self,
         mut state: State<'a>,
@@ -306,7 +308,7 @@ impl<'a> PathTracer<'a> {
         scratch.counters.truncated += 1;
     }
 
-    /// One unbiased estimate of the irradiance at a surface in `medium`, cosine included, by the parts of the light.
+    /// One unbiased estimate of the irradiance at a surface in `medium`, split into the parts of the light; the cosine is included.
     pub fn irradiance(
         &self,
         receiver: &Receiver,

@@ -1,4 +1,4 @@
-//! Irradiance at a place of a surface, whatever the surface is made of.
+//! Irradiance at a point of a surface, independent of the surface's material.
 
 use crate::film::{Aov, PixelSample};
 use crate::math::Rgb;
@@ -6,43 +6,44 @@ use crate::scene::{Material, Scene, Shading, SurfaceInteraction};
 use std::f32::consts::PI;
 use std::ops::Add;
 
-/// A place of a surface as a white, flat Lambert surface in its stead would be: what that reflects, times pi, is the irradiance.
+/// A point of a surface with its material replaced by a white, flat Lambertian one: the radiance that this reflects, times pi, is the
+/// irradiance.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
-    /// The place, seen from the side that is asked about; without texture, with the geometric normal.
+    /// The point, seen from the side in question, without texture and with the geometric normal.
     pub hit: SurfaceInteraction,
-    /// White.
+    /// White Lambertian shading.
     pub shading: Shading,
 }
 
 impl Receiver {
-    /// The place of `hit`, on the side that its ray arrived at.
+    /// The point of `hit`, on the side at which its ray arrived.
     pub fn new(hit: &SurfaceInteraction) -> Self {
         let hit = SurfaceInteraction { tint: Rgb::ONE, shading_normal: hit.point.normal, ..*hit };
         let shading = hit.shading(&Material::Lambert { reflectance: Rgb::ONE, two_sided: true });
         Self { hit, shading }
     }
 
-    /// Share of the irradiance that the surface itself reflects: its radiant exitance over the irradiance. `None` where
-    /// it is not Lambertian, since the share then depends on where light comes from.
+    /// Reflectance of the actual surface: its radiant exitance over the irradiance. `None` where it is not Lambertian, because the ratio
+    /// then depends on the directions of the light.
     pub fn reflectance(hit: &SurfaceInteraction, scene: &Scene) -> Option<Rgb> {
         hit.shading(scene.material(hit)).bsdf.lambertian().map(|lambert| lambert.reflectance)
     }
 }
 
-/// Irradiance in W/m^2 times the power factor of render space, by the part of the light; each contains the cosine.
+/// Irradiance in W/m^2 times the power factor of render space, split into the parts of the light; each part includes the cosine.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Irradiance {
-    /// Straight from emitters.
+    /// Light straight from emitters.
     pub direct: Rgb,
-    /// After specular surfaces only.
+    /// Light that met only specular surfaces on its way.
     pub caustic: Rgb,
-    /// After at least one diffuse surface.
+    /// Light that met at least one diffuse surface on its way.
     pub indirect: Rgb,
 }
 
 impl Irradiance {
-    /// From the radiance that a [`Receiver`] reflects.
+    /// Irradiance from the radiance that a [`Receiver`] reflects.
     pub(super) fn of_white(radiance: &PixelSample) -> Self {
         let part = |aov: Aov| radiance.radiance[aov as usize] * PI;
         Self { direct: part(Aov::Direct), caustic: part(Aov::Caustics), indirect: part(Aov::Indirect) }

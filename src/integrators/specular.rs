@@ -9,33 +9,33 @@ pub(super) use crate::sampling::chain_roulette;
 use crate::scene::{Scene, Shading, SurfaceInteraction};
 use crate::transport::MisPartner;
 
-/// A path that has met only specular surfaces so far.
+/// A camera path that has met only specular and highly glossy surfaces so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Branch {
     pub ray: Ray,
     pub throughput: Rgb,
     pub medium: MediumStack,
-    /// Surfaces met before.
+    /// Number of surfaces met before.
     pub depth: u32,
     /// Share of the camera sample that this branch carries: products of Fresnel terms where paths were split.
     pub share: f32,
-    /// Where the ray was sampled from a highly glossy lobe and lights were sampled as well.
+    /// Density of the ray for MIS; set where the ray was sampled from a highly glossy lobe and lights were sampled as well.
     pub partner: Option<MisPartner>,
-    /// Whether a highly glossy lobe drew this ray.
+    /// Whether the ray was sampled from a highly glossy lobe.
     pub is_glossy: bool,
-    /// Tangent of the angle of the cone of directions that this ray stands for among those of the glossy lobe that drew it, or the one
-    /// that it continues; zero where there was none.
+    /// Ray-cone spread: tangent of the angle of the cone that this ray represents among the samples of the glossy lobe it comes from,
+    /// directly or through specular surfaces. Zero where there was no such lobe.
     pub spread: f32,
-    /// Whether light of small lamps along this ray was found where it starts.
+    /// Whether the light of small emitters along this ray was already counted at its origin.
     pub widened: bool,
-    /// Way from the eye to where the ray starts.
+    /// Path length from the eye to the origin of the ray.
     pub travelled: f32,
-    /// The surfaces met before, where it followed a specular lobe at all of them.
+    /// The specular chain so far; `None` after any other lobe.
     pub chain: Option<Chain>,
 }
 
 impl Branch {
-    /// A path that begins with this ray.
+    /// The branch of a path that starts with this ray.
     pub(super) fn from_eye(ray: Ray, medium: MediumStack) -> Self {
         Self {
             ray,
@@ -53,14 +53,14 @@ impl Branch {
     }
 }
 
-/// Interfaces at which both reflection and refraction are followed; deeper, one is drawn.
+/// Number of interfaces at which both reflection and refraction are followed; at deeper ones, one of them is sampled.
 pub(super) const SPLIT_DEPTH: u32 = 3;
 
-/// A branch that would carry less than this is not split off but drawn with its probability.
+/// A branch with a smaller share than this is not split off but sampled with its probability.
 pub(super) const SMALLEST_SHARE: f32 = 0.02;
 
-/// Pushes what continues from a specular surface. Both ways at an interface while the branch matters, otherwise one,
-/// drawn with the Fresnel term as probability.
+/// Pushes the continuations at a specular surface: both of them at an interface while the branch matters; otherwise one, sampled with
+/// the Fresnel term as probability.
 pub(super) fn push_children(
     branches: &mut Vec<Branch>,
     parent: &Branch,
@@ -72,7 +72,7 @@ pub(super) fn push_children(
     let reflectance = shading.bsdf.reflection_probability(shading.wo_local);
     let smaller = parent.share * reflectance.min(1.0 - reflectance);
     if parent.depth < SPLIT_DEPTH && smaller > SMALLEST_SHARE {
-        // Zero chooses reflection, the largest number refraction.
+        // Zero selects reflection; the largest number selects refraction.
         for (u, share) in [(0.0, reflectance), (crate::sampling::ONE_MINUS_EPSILON, 1.0 - reflectance)] {
             push(branches, parent, scene, hit, shading, (u, share));
         }
@@ -83,7 +83,7 @@ pub(super) fn push_children(
     }
 }
 
-/// Pushes what continues by the specular lobe of a surface that has others too.
+/// Pushes the continuation by the specular lobe of a surface that also has other lobes.
 pub(super) fn push_specular(
     branches: &mut Vec<Branch>,
     parent: &Branch,

@@ -1,3 +1,5 @@
+//! Area lights: surfaces that emit.
+
 use super::tree::{LightBounds, LightTree};
 use super::{LightSample, Receiver};
 use crate::math::rounding::UNIT_ROUNDOFF;
@@ -8,44 +10,45 @@ use crate::textures::Glow;
 use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
-/// A surface that emits the same radiance in every direction on its side, and from every point, or what a picture says.
+/// A surface whose emitting side has the same radiance in all directions. The radiance is also the same at all points, or given by a
+/// texture.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// One exact shape, or the triangles of a mesh by primitive number.
+    /// A single exact shape, or the triangles of a mesh by primitive number.
     pieces: Vec<EmitterShape>,
-    /// Pieces in proportion to their area.
+    /// Distribution of the pieces in proportion to their area (or emission, see [`Self::with_glow`]).
     choice: Distribution1D,
-    /// Pieces by what they may contribute to a place; where they are many. Power is area.
+    /// Light tree over the pieces, where there are many. Its power is area.
     tree: Option<LightTree>,
     radiance: Rgb,
     two_sided: bool,
-    /// Emits on the side opposite to the shape's own normal.
+    /// Whether the light emits on the side opposite to the shape's own normal.
     flip_normal: bool,
-    /// One over the density of a start per area (and side), which is the same on all pieces.
+    /// One over the density of emission points per area (and side), which is the same on all pieces.
     area_over_pdf: f32,
-    /// Radius of the largest piece: what rounding errors near it scale with.
+    /// Radius of the largest piece, which scales rounding errors near it.
     extent: f32,
-    /// Distance off the surface at which photons start and shadow rays end, where that is more than its own rounding: beyond
-    /// surfaces that touch it.
+    /// Distance from the surface at which photons start and shadow rays end, where it exceeds the surface's own rounding: it must be
+    /// beyond surfaces in contact with the light.
     clearance: f32,
-    /// Area of all pieces, one side.
+    /// Area of all pieces on one side.
     area: f64,
-    /// Where the radiance is less in places: a factor on it, and the corners of each piece.
+    /// Factor on the radiance where it varies, with the corners of each piece.
     glow: Option<(Arc<Glow>, Vec<[u32; 3]>)>,
-    /// Mean factor over the surface; one where there is no glow.
+    /// Mean factor over the surface; one without a glow.
     mean: DVec3,
 }
 
-/// Where a photon leaves an area light.
+/// Starting point of a photon on an area light.
 #[derive(Clone, Copy, Debug)]
 pub struct EmissionStart {
     /// Position on the surface.
     pub position: Vec3,
-    /// Unit normal on the side that emits here.
+    /// Unit normal on the emitting side.
     pub normal: Vec3,
-    /// One over the density of the start per area (and side).
+    /// One over the density of the starting point per area (and side).
     pub area_over_pdf: f32,
-    /// On the side away from the light's normal.
+    /// Whether the photon leaves on the side opposite to the light's normal.
     pub back: bool,
     /// Factor on the light's radiance here.
     pub glow: Rgb,
@@ -53,19 +56,19 @@ pub struct EmissionStart {
 }
 
 impl EmissionStart {
-    /// The position moved off the surface to the side of `direction`.
+    /// The position, moved off the surface to the side of `direction`.
     pub fn off_surface(&self, direction: Vec3) -> Vec3 {
         self.position + self.normal * self.offset.copysign(direction.dot(self.normal))
     }
 
-    /// Where a shadow ray from `from` ends, so that it does not meet the light itself.
+    /// End point of a shadow ray from `from`, chosen such that the ray does not hit the light itself.
     ///
-    /// A ray of a length brings errors of its own to its end, however small the light there: its direction is a rounded
-    /// difference, and Embree takes corners relative to the ray's origin. Along the normal they come to 12 roundoffs of the
-    /// way, to first order: 1 for the direction, 1 for the corners, 2 for the plane through them, 3 for each of the two
-    /// products whose quotient is the ray's parameter, and 2 for that quotient; rounded up for the terms of second order.
+    /// A ray has errors at its end that grow with its length, however small the light is: its direction is a rounded difference, and
+    /// Embree subtracts the ray's origin from the corners. Along the normal these errors are 12 roundoffs of the length, to first order:
+    /// 1 for the direction, 1 for the corners, 2 for the plane through them, 3 for each of the two products whose quotient is the ray's
+    /// parameter, and 2 for that quotient. The bound is rounded up for the terms of second order.
     fn end_of_ray(&self, from: Vec3) -> Vec3 {
-        /// Roundoffs of the way.
+        /// Number of roundoffs of the length.
         const OF_WAY: f32 = 16.0;
         let way = from - self.position;
         let offset = self.offset + OF_WAY * UNIT_ROUNDOFF * self.normal.abs().dot(way.abs());
@@ -73,11 +76,11 @@ impl EmissionStart {
     }
 }
 
-/// Up to so many pieces are chosen by area alone.
+/// Up to this number, pieces are chosen by area alone.
 const FEW_PIECES: usize = 8;
 
 impl AreaLight {
-    /// What it is the surface of, in words.
+    /// Description of the shape in words.
     pub fn shape(&self) -> String {
         match self.pieces.as_slice() {
             [EmitterShape::Sphere(_)] => "sphere".to_owned(),
@@ -89,7 +92,7 @@ impl AreaLight {
         }
     }
 
-    /// A light of these pieces (one for an exact shape, one for each triangle of a mesh). `None` where there is none.
+    /// A light with these pieces: one for an exact shape, one for each triangle of a mesh. `None` where there are no pieces.
     pub fn new(pieces: Vec<EmitterShape>, radiance: Rgb, two_sided: bool, flip_normal: bool) -> Option<Self> {
         let choice = Distribution1D::new(pieces.iter().map(EmitterShape::area))?;
         let extent = pieces.iter().map(|piece| piece.bounds().radius()).fold(0.0, f64::max) as f32;
@@ -116,12 +119,13 @@ impl AreaLight {
         })
     }
 
-    /// Lets photons start, and shadow rays end, at least so far off the surface: beyond what touches it.
+    /// Sets the smallest distance from the surface at which photons start and shadow rays end, so that both are beyond surfaces in
+    /// contact with it.
     pub(crate) fn keep_clear(&mut self, clearance: f32) {
         self.clearance = clearance;
     }
 
-    /// What bounds the light of all pieces.
+    /// Bounds of the light of all pieces.
     pub(super) fn bounds(&self) -> Option<LightBounds> {
         let pieces = || self.pieces.iter().map(|piece| piece_bounds(piece, self.two_sided, self.flip_normal));
         let of_area =
@@ -130,7 +134,7 @@ impl AreaLight {
         Some(LightBounds { power: of_area.power * radiance.max_element(), ..of_area })
     }
 
-    /// Middle and radius of a sphere around all pieces: itself, where it is one. `None` where there is none.
+    /// Centre and radius of a sphere around all pieces; for a sphere, the sphere itself. `None` where there are no bounds.
     pub fn bounding_sphere(&self) -> Option<(DVec3, f64)> {
         if let [EmitterShape::Sphere(sphere)] = self.pieces.as_slice() {
             return Some((sphere.center(), sphere.radius()));
@@ -139,16 +143,16 @@ impl AreaLight {
         Some((bounds.center(), bounds.radius()))
     }
 
-    /// The same light with its radiance multiplied by `glow`; `corners` are those of each piece, all of them triangles. Pieces
-    /// are chosen by what they emit. `None` where their areas cannot be summed up.
+    /// The same light with its radiance multiplied by `glow`. `corners` are those of each piece; all pieces must be triangles. Pieces
+    /// are then chosen by their emission. `None` where their areas cannot be summed.
     pub fn with_glow(mut self, glow: Arc<Glow>, corners: Vec<[u32; 3]>) -> Option<Self> {
-        /// Of the mean: what a piece is taken to emit at least, as means over pieces are estimates.
+        /// Smallest assumed emission of a piece as a share of the mean emission, because the means over pieces are estimates.
         const FLOOR: f64 = 0.01;
         let areas: Vec<f64> = self.pieces.iter().map(EmitterShape::area).collect();
         let means: Vec<DVec3> = corners.iter().map(|&corners| glow.mean(corners).as_dvec3()).collect();
         let flux: DVec3 = areas.iter().zip(&means).map(|(&area, &mean)| mean * area).sum();
         self.mean = flux / self.area;
-        // Where means find nothing at all, only area is left to go by.
+        // Where the means find no emission at all, pieces are chosen by area.
         let floor = if self.mean == DVec3::ZERO { 1.0 } else { FLOOR * self.mean.max_element() };
         let weights = areas.iter().zip(&means).map(|(area, mean)| area * mean.max_element().max(floor));
         self.choice = Distribution1D::new(weights)?;
@@ -166,30 +170,29 @@ impl AreaLight {
         }
     }
 
-    /// Radiance it emits, where nothing dims it.
+    /// Radiance where no factor reduces it.
     pub fn radiance(&self) -> Rgb {
         self.radiance
     }
 
-    /// Area of all pieces, one side.
+    /// Area of all pieces on one side.
     pub fn area(&self) -> f64 {
         self.area
     }
 
-    /// Radiance seen from the `front` (the side of the surface's normal, after flipping) or the back.
+    /// Radiance seen from the `front` (the side of the surface's normal, after flipping) or from the back.
     pub fn emitted(&self, front: bool) -> Rgb {
         if front || self.two_sided { self.radiance } else { Rgb::ZERO }
     }
 
-    /// Flux per channel: `pi L A`, from each side that emits.
+    /// Flux per channel: `pi L A` from each side that emits.
     pub fn flux(&self) -> DVec3 {
         let sides = if self.two_sided { 2.0 } else { 1.0 };
         self.radiance.as_dvec3() * self.mean * (std::f64::consts::PI * self.area() * sides)
     }
 
-    /// True where a sample's contribution has no bound, or the light can surround a point, so that most of what is drawn
-    /// uniformly is wasted. False for a rectangle and for a sphere seen from outside: what they cover is drawn by solid
-    /// angle.
+    /// Whether the contribution of a sample is unbounded, or the light can surround a point so that most uniform samples would be
+    /// wasted. False for a rectangle and for a sphere seen from outside, which are sampled by solid angle.
     pub fn needs_bsdf_sampling(&self) -> bool {
         match self.pieces.as_slice() {
             [EmitterShape::Quad(quad)] => !quad.is_rectangle(),
@@ -198,20 +201,20 @@ impl AreaLight {
         }
     }
 
-    /// Whether all of its pieces are plane.
+    /// Whether all of its pieces are flat.
     pub fn is_flat(&self) -> bool {
         let is_round =
             |piece: &EmitterShape| matches!(piece, EmitterShape::Sphere(_) | EmitterShape::Cylinder(_));
         !self.pieces.iter().any(is_round)
     }
 
-    /// Of a closed shape.
+    /// Whether the light emits inwards, if its shape is closed.
     fn emits_inward(&self) -> bool {
         self.two_sided || self.flip_normal
     }
 
-    /// The only piece, where it is a sphere around `from` that emits inward. The points of the sphere itself belong to
-    /// those inside, wherever rounding put them: it reflects there.
+    /// The only piece, if it is a sphere around `from` that emits inwards. Points on the sphere itself count as inside, wherever
+    /// rounding placed them, because the sphere reflects there.
     fn dome(&self, from: Vec3) -> Option<&Sphere> {
         match self.pieces.as_slice() {
             [EmitterShape::Sphere(sphere)] if self.emits_inward() => {
@@ -239,8 +242,8 @@ impl AreaLight {
         let to_light = sample.position - reference;
         let normal = if self.flip_normal { -sample.normal } else { sample.normal };
         let start = self.start_at(sample.position, normal);
-        // On the light itself rounding would decide the side, and the back of a lamp be lit by its front: a flat one
-        // fills half of all directions there.
+        // On the light itself rounding would decide the side, and the back of the light would be lit by its own front, which fills half
+        // of all directions there if the light is flat.
         let height = -to_light.dot(normal);
         let rounding = start.normal.abs().dot(from.abs()) * (2.0 * UNIT_ROUNDOFF);
         if height.abs() <= f64::from(start.offset + rounding) {
@@ -262,8 +265,8 @@ impl AreaLight {
         .filter(|sample| sample.radiance_over_pdf.is_finite())
     }
 
-    /// Density per solid angle with which [`super::Light::sample_li`] draws, for the receiver, the direction to `position`
-    /// on primitive `primitive` of the surface.
+    /// Density per solid angle with which [`super::Light::sample_li`] samples, for the receiver, the direction to `position` on
+    /// primitive `primitive` of the surface.
     pub fn pdf_solid_angle(&self, at: impl Into<Receiver>, primitive: u32, position: Vec3) -> f32 {
         let at = at.into();
         let from = at.position;
@@ -279,7 +282,7 @@ impl AreaLight {
         probability * shape.pdf_solid_angle(from.as_dvec3(), position.as_dvec3())
     }
 
-    /// Draws where a photon leaves: uniform over the area, and over the sides where both emit.
+    /// Samples the starting point of a photon: uniform over the area, and over both sides where both emit.
     #[inline]
     pub fn sample_start(&self, u: Vec2) -> EmissionStart {
         let x = self.refined_x(u);
@@ -292,13 +295,13 @@ impl AreaLight {
         self.start(back, x, u)
     }
 
-    /// [`Self::sample_start`] on the side of the normal or its `back`. The density, per area and side, is the same.
+    /// [`Self::sample_start`] on the side of the normal or on its `back`. The density per area and side is the same.
     #[inline]
     pub fn sample_side(&self, back: bool, u: Vec2) -> EmissionStart {
         self.start(back, self.refined_x(u), u)
     }
 
-    /// The first coordinate, with more digits where it has to choose between pieces as well.
+    /// The first coordinate, with additional digits where it also selects a piece.
     #[inline]
     fn refined_x(&self, u: Vec2) -> f64 {
         if self.is_chosen() { refined(u) } else { f64::from(u.x) }
@@ -324,7 +327,7 @@ impl AreaLight {
         }
     }
 
-    /// A bound on where [`Self::sample_side`] goes for random numbers from `low` to `high`.
+    /// Bound on the starting points of [`Self::sample_side`] for random numbers from `low` to `high`.
     pub fn patch(&self, back: bool, low: Vec2, high: Vec2) -> Option<Patch> {
         let high = high.min(Vec2::splat(ONE_MINUS_EPSILON));
         let ((first, _, from), (last, _, to)) = (self.choose(low), self.choose(high));
@@ -337,7 +340,7 @@ impl AreaLight {
         patch.map(|patch| if self.flip_normal != back { patch.flipped() } else { patch })
     }
 
-    /// Shapes or triangles that it consists of.
+    /// Number of shapes or triangles.
     pub fn piece_count(&self) -> usize {
         self.pieces.len()
     }
@@ -347,20 +350,20 @@ impl AreaLight {
         self.two_sided
     }
 
-    /// A piece, its probability, and the point with what the choice left of its first coordinate.
+    /// Selects a piece; returns it, its probability, and the point with the remainder of its first coordinate.
     #[inline]
     fn choose(&self, u: Vec2) -> (usize, f32, Vec2) {
         if self.is_chosen() { self.choose_by(refined(u), u) } else { (0, 1.0, u) }
     }
 
-    /// A point on the light as photons leave it.
+    /// A point on the light as a starting point of photons.
     #[inline]
     fn start_at(&self, position: DVec3, normal: DVec3) -> EmissionStart {
         let start = start_at(position, normal, self.extent);
         EmissionStart { offset: start.offset.max(self.clearance), ..start }
     }
 
-    /// [`Self::choose`] by `x` in place of the first coordinate.
+    /// [`Self::choose`] with `x` in place of the first coordinate.
     #[inline]
     fn choose_by(&self, x: f64, u: Vec2) -> (usize, f32, Vec2) {
         if !self.is_chosen() {
@@ -370,17 +373,17 @@ impl AreaLight {
         (piece, probability, Vec2::new(rest, u.y))
     }
 
-    /// True where there is more than one piece.
+    /// Whether there is more than one piece.
     #[inline]
     fn is_chosen(&self) -> bool {
         self.pieces.len() > 1
     }
 }
 
-/// What bounds the light of a piece for a radiance of one.
+/// Bounds of the light of a piece with a radiance of one.
 fn piece_bounds(piece: &EmitterShape, two_sided: bool, flip_normal: bool) -> LightBounds {
     let patch = piece.patch(Vec2::ZERO, Vec2::ONE);
-    // Seen from afar a sphere shows a quarter of its area, and a cylinder no more than the part of one over pi.
+    // From afar a sphere shows a quarter of its area, and a cylinder at most its area over pi.
     let shown = match piece {
         EmitterShape::Sphere(_) => 0.25,
         EmitterShape::Cylinder(_) => std::f64::consts::FRAC_1_PI,
@@ -396,10 +399,10 @@ fn piece_bounds(piece: &EmitterShape, two_sided: bool, flip_normal: bool) -> Lig
     }
 }
 
-/// A point computed in `f64` on the light, with the bound of [`crate::embree::SurfacePoint`] on its rounding.
+/// A point on the light computed in `f64`, with the bound of [`crate::embree::SurfacePoint`] on its rounding.
 #[inline]
 fn start_at(position: DVec3, normal: DVec3, extent: f32) -> EmissionStart {
-    // Wide enough for triangles as well, which Embree tests in f32 after moving their corners to the ray's origin.
+    // Wide enough also for triangles, which Embree tests in f32 after it has subtracted the ray's origin from the corners.
     let (rounded, n) = (position.as_vec3(), normal.as_vec3());
     let error = (rounded.abs() + Vec3::splat(2.0 * extent)) * (4.0 * UNIT_ROUNDOFF);
     EmissionStart {

@@ -1,39 +1,39 @@
-//! Which lights get a shadow ray at a place.
+//! Choice of the lights that get a shadow ray at a point.
 
 use super::tree::{LightBounds, LightTree};
 use super::{Light, LightId, Receiver};
 use crate::sampling::Distribution1D;
 
-/// Up to so many lights with a place, and so many from outside, each gets its own shadow rays.
+/// Up to this number of lights at a position, and up to this number from outside, each light gets its own shadow rays.
 pub const LIGHTS_SAMPLED_EACH: usize = 8;
 
-/// How one light out of many is drawn.
+/// How one of many lights is sampled.
 #[derive(Clone, Debug)]
 enum Drawing {
-    /// By what it may contribute to the place.
+    /// By its possible contribution to the point.
     Tree(LightTree),
     /// By flux, for light from outside.
     Flux(Distribution1D),
 }
 
-/// Lights of which one is drawn.
+/// A group of lights of which one is sampled.
 #[derive(Clone, Debug)]
 pub struct LightGroup {
     drawing: Drawing,
     members: Vec<LightId>,
 }
 
-/// Lights that are sampled one by one, and those that are too many for that.
+/// Lights that are sampled one by one, and groups of lights that are too many for that.
 #[derive(Clone, Debug, Default)]
 pub struct LightChoice {
     each: Vec<LightId>,
     groups: Vec<LightGroup>,
-    /// By light: number of its group and number in there; `None` where it is sampled by itself.
+    /// For each light, the index of its group and its index within the group; `None` where it is sampled by itself.
     places: Vec<Option<(u32, u32)>>,
 }
 
 impl LightGroup {
-    /// A light, its probability, and what is left of `u`; `None` where none of them can reach the place.
+    /// Samples a light; returns it, its probability, and the remainder of `u`. `None` where no light of the group can reach the point.
     #[inline]
     pub fn sample(&self, at: &Receiver, u: f64) -> Option<(LightId, f32)> {
         let (member, probability, _) = match &self.drawing {
@@ -43,14 +43,14 @@ impl LightGroup {
         Some((self.members[member], probability))
     }
 
-    /// Lights in the group.
+    /// Lights of the group.
     pub fn members(&self) -> &[LightId] {
         &self.members
     }
 }
 
 impl LightChoice {
-    /// For a scene whose bounding sphere has this radius.
+    /// The choice for a scene whose bounding sphere has this radius.
     pub fn new(lights: &[Light], scene_radius: f32) -> Self {
         let all = 0..lights.len() as LightId;
         let mut choice = Self { places: vec![None; lights.len()], ..Self::default() };
@@ -79,7 +79,7 @@ impl LightChoice {
             let bounds: Option<Vec<LightBounds>> = members_of().map(Light::bounds).collect();
             bounds.and_then(|bounds| LightTree::new(&bounds)).map(Drawing::Tree)
         };
-        // None where all of them are dark: they are then left out.
+        // `None` where all of them are dark; they are then left out.
         let Some(drawing) = drawing else { return };
         let group = self.groups.len() as u32;
         for (number, &id) in members.iter().enumerate() {
@@ -93,12 +93,12 @@ impl LightChoice {
         &self.each
     }
 
-    /// Lights of which one is drawn from each group.
+    /// Groups of lights, of each of which one light is sampled.
     pub fn groups(&self) -> &[LightGroup] {
         &self.groups
     }
 
-    /// Probability with which the light is sampled at a place: what the density of its samples is multiplied by.
+    /// Probability with which the light is sampled at a point: a factor on the density of its samples.
     #[inline]
     pub fn probability(&self, at: &Receiver, light: LightId) -> f32 {
         match self.places.get(light as usize) {

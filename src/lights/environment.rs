@@ -1,4 +1,4 @@
-//! Light from all around: one radiance, or a picture in longitude and latitude.
+//! Environment light: light from all directions, with a constant radiance or an image in longitude and latitude.
 
 use crate::math::{Rgb, luminance};
 use crate::sampling::{Corners, SphereDensity, direction_to_square, warp};
@@ -6,51 +6,51 @@ use glam::{DVec3, Mat3, Vec2, Vec3};
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Light from everywhere outside.
+/// Light that arrives from all directions outside of the scene.
 #[derive(Clone, Debug)]
 pub struct EnvironmentLight {
-    /// Radiance, or the factor on that of the map.
+    /// Radiance, or the factor on the radiance of the map.
     pub radiance: Rgb,
-    /// What it looks like, if not the same in every direction.
+    /// The map; `None` where the radiance is the same in all directions.
     map: Option<Turned>,
 }
 
-/// A map turned around the y axis.
+/// A map rotated around the y axis.
 #[derive(Clone, Debug)]
 struct Turned {
     map: Arc<EnvironmentMap>,
-    /// Cosine and sine of the turn.
+    /// Cosine and sine of the rotation.
     turn: Vec2,
-    /// Axes that those of the turned map become; `None` where it stands upright.
+    /// The directions to which the axes of the rotated map are tilted; `None` where the map is upright.
     axes: Option<Mat3>,
 }
 
-/// Radiance in longitude and latitude, bilinear between the centres of pixels, with a density for drawing directions.
+/// Radiance in longitude and latitude, bilinear between the centres of pixels, with a density for sampling directions.
 #[derive(Clone, Debug)]
 pub struct EnvironmentMap {
     width: usize,
     height: usize,
-    /// Row after row from +y; a row goes from +z by -x, -z (its middle) and +x.
+    /// Rows from +y downwards; a row runs from +z over -x, -z (its centre) and +x.
     texels: Vec<Rgb>,
-    /// In proportion to luminance.
+    /// Density in proportion to luminance.
     density: SphereDensity,
     integral: DVec3,
 }
 
-/// What had to be changed in a picture to make light of it.
+/// Counts of pixels that were changed because their values were no valid radiance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Mended {
-    /// Pixels with a channel below zero or that was no number, set to zero.
+    /// Pixels with a negative or NaN channel, which was set to zero.
     pub negative: u64,
-    /// Pixels with a channel above [`EnvironmentMap::LARGEST`], cut to it.
+    /// Pixels with a channel above [`EnvironmentMap::LARGEST`], which was clamped.
     pub too_large: u64,
 }
 
 impl EnvironmentMap {
-    /// Largest value of a pixel: sums and products with it stay far inside `f32`.
+    /// Largest value of a pixel: sums and products with it remain well within `f32`.
     pub const LARGEST: f32 = 1e15;
 
-    /// A map of `width` times some rows of pixels. Values that are no radiance are mended, and counted. `None` where there
+    /// A map of `width` columns and some rows of pixels. Values that are no valid radiance are corrected and counted. `None` where there
     /// is no pixel, or none with light.
     pub fn new(width: usize, mut texels: Vec<Rgb>) -> (Option<Self>, Mended) {
         let mut mended = Mended::default();
@@ -79,23 +79,23 @@ impl EnvironmentMap {
         sum
     }
 
-    /// Integral of radiance over all directions.
+    /// Integral of the radiance over all directions.
     pub fn integral(&self) -> DVec3 {
         self.integral
     }
 
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
 }
 
-/// Integral over all directions of what is bilinear between the centres of pixels, in closed form: that of the hat of each
-/// row times the sine.
+/// Integral over all directions of the bilinear function between the centres of pixels, in closed form: the integral of each row's hat
+/// function times the sine.
 fn integral(width: usize, texels: &[Rgb]) -> DVec3 {
     let height = texels.len() / width;
     let h = std::f64::consts::PI / height as f64;
-    // Over a step from `a` on, falling from one to zero, and rising from zero to one.
+    // Over an interval that starts at `a`: falling from one to zero, and rising from zero to one.
     let falling = |a: f64| a.cos() - ((a + h).sin() - a.sin()) / h;
     let rising = |a: f64| ((a + h).sin() - a.sin()) / h - (a + h).cos();
     let mut sum = DVec3::ZERO;
@@ -110,7 +110,7 @@ fn integral(width: usize, texels: &[Rgb]) -> DVec3 {
 }
 
 impl EnvironmentLight {
-    /// Density of directions drawn uniformly.
+    /// Density of uniformly sampled directions.
     const UNIFORM: f32 = 1.0 / (4.0 * PI);
 
     /// The same radiance from every direction.
@@ -118,24 +118,24 @@ impl EnvironmentLight {
         Self { radiance, map: None }
     }
 
-    /// `map` turned by `turn` radians around the y axis, counter-clockwise as seen from above, times `factor`.
+    /// `map` rotated by `turn` radians around the y axis, counter-clockwise as seen from above, times `factor`.
     pub fn of_map(map: Arc<EnvironmentMap>, turn: f64, factor: Rgb) -> Self {
         let turn = Vec2::new(turn.cos() as f32, turn.sin() as f32);
         Self { radiance: factor, map: Some(Turned { map, turn, axes: None }) }
     }
 
-    /// The same with its map tilted: its axes, after the turn, become these, of unit length and at right angles, perhaps mirrored.
+    /// The same light with its map tilted: after the rotation its axes become `axes`, which are orthonormal and may be mirrored.
     #[must_use]
     pub fn with_axes(self, axes: Option<Mat3>) -> Self {
         Self { map: self.map.map(|turned| Turned { axes, ..turned }), ..self }
     }
 
-    /// Whether it looks the same in every direction.
+    /// Whether the radiance is the same in all directions.
     pub fn is_constant(&self) -> bool {
         self.map.is_none()
     }
 
-    /// Radiance from the unit `direction`, which leads away from the scene.
+    /// Radiance from the unit `direction`, which points away from the scene.
     pub fn radiance_from(&self, direction: Vec3) -> Rgb {
         match &self.map {
             None => self.radiance,
@@ -143,8 +143,8 @@ impl EnvironmentLight {
         }
     }
 
-    /// A direction to the light, one over its density times the radiance from there, and the density per solid angle: in
-    /// proportion to luminance.
+    /// Samples a direction to the light in proportion to luminance. Returns the direction, the radiance from there over the density, and
+    /// the density per solid angle.
     pub fn sample(&self, u: Vec2) -> Option<(Vec3, Rgb, f32)> {
         match &self.map {
             None => Some((warp::square_to_sphere(u), self.radiance * (4.0 * PI), Self::UNIFORM)),
@@ -156,7 +156,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// Density per solid angle with which [`Self::sample`] draws `direction`.
+    /// Density per solid angle with which [`Self::sample`] samples `direction`.
     pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
         match &self.map {
             None => Self::UNIFORM,
@@ -164,7 +164,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// Integral of radiance over all directions.
+    /// Integral of the radiance over all directions.
     pub fn integral(&self) -> DVec3 {
         match &self.map {
             None => self.radiance.as_dvec3() * f64::from(4.0 * PI),
@@ -193,7 +193,7 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream, square_to_direction};
 
-    /// A map of the positive part of the cosine to `axis` to some power.
+    /// A map of the positive part of the cosine to `axis`, raised to a power.
     fn lobe(width: usize, axis: Vec3, power: i32) -> EnvironmentMap {
         let height = width / 2;
         let texel = |index: usize| {
@@ -204,7 +204,7 @@ mod tests {
         EnvironmentMap::new(width, (0..width * height).map(texel).collect()).0.unwrap()
     }
 
-    /// The integral in closed form, that of a lobe known by heart, and the mean of radiance over density agree.
+    /// The integral in closed form, the known integral of a lobe, and the mean of radiance over density agree.
     #[test]
     fn integrals_of_a_lobe() {
         for (axis, power) in [(Vec3::Y, 1), (Vec3::X, 4), (Vec3::new(0.6, -0.8, 0.0), 40)] {
@@ -238,7 +238,7 @@ mod tests {
         assert!(light.radiance_from(Vec3::X).x == 0.0 && light.radiance_from(Vec3::NEG_Z).x < 1e-3);
     }
 
-    /// A tilted map shows its pole where its axis is, and directions that are drawn come back to the map, mirrored or not.
+    /// A tilted map shows its pole in the direction of its axis, and sampled directions map back consistently, mirrored or not.
     #[test]
     fn axes_tilt_the_map() {
         for mirror in [1.0, -1.0] {

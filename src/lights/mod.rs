@@ -1,8 +1,8 @@
-//! Lights: what they send to a point, and what they emit.
+//! Light sources: the light that they send to a point, and the light that they emit.
 //!
-//! Every light answers two questions: which light arrives at a point ([`Light::sample_li`], for shadow rays), and how
-//! photons leave it (`photons::emission`, from the numbers kept here). All quantities in render space: radiance
-//! carries the power factor of [`crate::scene::RenderSpace`], flux the squared length scale as well.
+//! Every light answers two questions: which light arrives at a point ([`Light::sample_li`], for shadow rays), and how photons leave it
+//! (`photons::emission`, from the values stored here). All quantities are in render space: radiance includes the power factor of
+//! [`crate::scene::RenderSpace`], and flux also includes the squared length scale.
 
 mod area;
 mod choice;
@@ -34,26 +34,26 @@ pub type LightId = u32;
     reason = "lights are few, and a box would be one step more for every sample"
 )]
 pub enum Light {
-    /// A surface that emits.
+    /// An emitting surface.
     Area(AreaLight),
-    /// Equal intensity in all directions from one point.
+    /// A point with equal intensity in all directions.
     Point(PointLight),
-    /// An intensity for each direction from one point.
+    /// A point with an intensity for each direction.
     Spot(SpotLight),
     /// Parallel light.
     Directional(DirectionalLight),
-    /// A disc outside, of equal radiance.
+    /// A distant disc of constant radiance.
     Sun(SunLight),
-    /// Light from everywhere outside.
+    /// Light from all directions outside of the scene.
     Environment(EnvironmentLight),
 }
 
-/// A place that light arrives at.
+/// A point that receives light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Receiver {
     /// Position.
     pub position: Vec3,
-    /// Unit normal of a surface on the side that reflects; zero where light from all sides counts.
+    /// Unit normal of a surface on the reflecting side; zero where light from all sides counts.
     pub normal: Vec3,
 }
 
@@ -63,7 +63,7 @@ impl From<Vec3> for Receiver {
     }
 }
 
-/// Equal intensity in all directions.
+/// A point light with equal intensity in all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
     /// Position.
@@ -81,25 +81,25 @@ pub struct DirectionalLight {
     pub irradiance: Rgb,
 }
 
-/// A direction from which light may arrive.
+/// A sampled direction from which light may arrive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightSample {
     /// Unit direction to the light.
     pub wi: Vec3,
-    /// Radiance along `wi` over its density per solid angle, visibility not considered; for a point or parallel light
-    /// what arrives at a surface perpendicular to it. Contains no cosine at the receiver.
+    /// Radiance along `wi` over its density per solid angle, without visibility. For a point or parallel light it is the irradiance of a
+    /// surface perpendicular to the light. Does not include the cosine at the receiver.
     pub radiance_over_pdf: Rgb,
     /// Density of `wi` per solid angle; infinite for a point or parallel light.
     pub pdf_solid_angle: f32,
-    /// Where a shadow ray ends, already off the light's surface; `None` for light from infinity.
+    /// End point of a shadow ray, already off the light's surface; `None` for light from infinity.
     pub target: Option<Vec3>,
-    /// Distance over which a medium at the receiver absorbs: to the light, or zero for light from infinity, which would
-    /// not arrive at all through a medium without end.
+    /// Distance over which a medium at the receiver absorbs: the distance to the light, or zero for light from infinity, which could not
+    /// arrive through an unbounded medium.
     pub distance: f32,
 }
 
 impl Light {
-    /// Draws a direction from which the light reaches a place. `None` where this `u` sends nothing there.
+    /// Samples a direction from which the light reaches a point. `None` where this `u` sends no light there.
     pub fn sample_li(&self, at: impl Into<Receiver>, u: Vec2) -> Option<LightSample> {
         let at = at.into();
         let from = at.position;
@@ -146,8 +146,8 @@ impl Light {
         }
     }
 
-    /// Radiance from outside along the unit `direction`, which leads away from the scene. `None` for lights that a ray into
-    /// the open cannot meet, or does not.
+    /// Radiance from outside along the unit `direction`, which points away from the scene. `None` for lights that a ray leaving the
+    /// scene cannot hit or does not hit.
     pub fn outside(&self, direction: Vec3) -> Option<Rgb> {
         match self {
             Self::Environment(environment) => Some(environment.radiance_from(direction)),
@@ -156,7 +156,7 @@ impl Light {
         }
     }
 
-    /// Density per solid angle with which [`Self::sample_li`] draws a direction for which [`Self::outside`] is something.
+    /// Density per solid angle with which [`Self::sample_li`] samples a direction for which [`Self::outside`] is not `None`.
     pub fn outside_pdf(&self, direction: Vec3) -> f32 {
         match self {
             Self::Environment(environment) => environment.pdf_solid_angle(direction),
@@ -165,7 +165,7 @@ impl Light {
         }
     }
 
-    /// What bounds its light; `None` for light from outside.
+    /// Bounds of its light; `None` for light from outside.
     pub fn bounds(&self) -> Option<LightBounds> {
         match self {
             Self::Area(area) => area.bounds(),
@@ -176,8 +176,8 @@ impl Light {
                 let peak = f64::from(spot.peak().max_element());
                 let (axis, reach) = spot.extent();
                 let point = LightBounds::point(spot.position.as_dvec3(), peak);
-                // A little more than the cone itself, for rounding; intensity does not fall with the cosine, so all of it is
-                // normals.
+                // Slightly more than the cone itself, for rounding. The intensity does not fall with the cosine, so that the whole cone
+                // counts as normals.
                 Some(LightBounds {
                     axis: axis.as_dvec3(),
                     spread: f64::from(reach) + 1e-4,
@@ -189,7 +189,7 @@ impl Light {
         }
     }
 
-    /// Flux, per channel, that the light sends into a scene whose bounding sphere has this radius.
+    /// Flux per channel that the light sends into a scene whose bounding sphere has this radius.
     pub fn flux(&self, scene_radius: f32) -> DVec3 {
         let disc = f64::from(PI) * f64::from(scene_radius) * f64::from(scene_radius);
         match self {
@@ -197,19 +197,19 @@ impl Light {
             Self::Point(point) => point.intensity.as_dvec3() * (4.0 * std::f64::consts::PI),
             Self::Spot(spot) => spot.flux(),
             Self::Directional(sun) => sun.irradiance.as_dvec3() * disc,
-            // Each direction sends through the disc that faces it.
+            // Each direction sends light through the disc that faces it.
             Self::Sun(sun) => sun.radiance.as_dvec3() * (f64::from(sun.solid_angle()) * disc),
             Self::Environment(environment) => environment.integral() * disc,
         }
     }
 
-    /// True where no ray hits the light by chance.
+    /// Whether no ray can hit the light by chance.
     pub fn is_delta(&self) -> bool {
         matches!(self, Self::Point(_) | Self::Spot(_) | Self::Directional(_))
     }
 
-    /// Largest probability with which a direction drawn by the cosine at `position` (render space) meets the light, were
-    /// nothing in the way: the square of the sine of its angular radius. Zero for what no ray meets.
+    /// Largest probability with which a direction sampled by the cosine at `position` (render space) hits the light, without occlusion:
+    /// the square of the sine of its angular radius. Zero for lights that no ray can hit.
     pub fn chance_from(&self, position: Vec3) -> f64 {
         match self {
             Self::Area(area) => area.bounding_sphere().map_or(1.0, |(centre, radius)| {
@@ -222,35 +222,35 @@ impl Light {
         }
     }
 
-    /// True for light that comes from outside the scene.
+    /// Whether the light comes from outside of the scene.
     pub fn is_at_infinity(&self) -> bool {
         matches!(self, Self::Directional(_) | Self::Sun(_) | Self::Environment(_))
     }
 
-    /// True for light from everywhere outside.
+    /// Whether the light comes from all directions outside of the scene.
     pub fn is_environment(&self) -> bool {
         matches!(self, Self::Environment(_))
     }
 
-    /// True where the density of [`Self::sample_li`] may be far from the light's contribution, so that light sampling
-    /// alone would be noisy: light from all around, and shapes sampled by area, at whose foot the contribution of a
-    /// sample is unbounded.
+    /// Whether the density of [`Self::sample_li`] may differ greatly from the light's contribution, so that light sampling alone would
+    /// be noisy. This holds for light from all directions, and for shapes sampled by area, close to which the contribution of a sample
+    /// is unbounded.
     pub fn needs_bsdf_sampling(&self) -> bool {
         match self {
             Self::Area(area) => area.needs_bsdf_sampling(),
-            // The sun is drawn by its solid angle, as small as it is.
+            // The sun is sampled by its solid angle, which is small.
             Self::Point(_) | Self::Spot(_) | Self::Directional(_) | Self::Sun(_) => false,
             Self::Environment(_) => true,
         }
     }
 
-    /// Points just off the light on the side of its normal, or on its `back`, where its medium is looked up, with the normal
-    /// on that side; outside everything for light from infinity. Zero where there is no normal.
+    /// Points just off the light, on the side of its normal or on its `back`, at which its medium is determined, each with the normal on
+    /// that side (zero where there is none). For light from infinity the point lies outside of everything.
     pub fn points(&self, back: bool) -> Vec<(Vec3, Vec3)> {
         match self {
             Self::Area(area) => (0..4)
                 .map(|i| {
-                    // The middles of four cells of which no two share a row or a column.
+                    // Centres of four cells, no two of which share a row or a column.
                     let u = Vec2::new(i as f32 + 0.5, [1.5, 3.5, 0.5, 2.5][i]) * 0.25;
                     let start = area.sample_side(back, u);
                     (start.off_surface(start.normal), start.normal)
@@ -259,7 +259,7 @@ impl Light {
             Self::Point(point) => vec![(point.position, Vec3::ZERO)],
             Self::Spot(spot) => vec![(spot.position, Vec3::ZERO)],
             Self::Sun(sun) => vec![(sun.towards() * 10.0, Vec3::ZERO)],
-            // Render space fits the unit sphere.
+            // Render space fits into the unit sphere.
             Self::Directional(sun) => vec![(sun.direction * -10.0, Vec3::ZERO)],
             Self::Environment(_) => vec![(Vec3::new(0.0, 10.0, 0.0), Vec3::ZERO)],
         }

@@ -1,11 +1,11 @@
 //! Clear sky and the sun in it.
 //!
-//! The sky is the model of Hosek & Wilkie ("An Analytic Model for Full Spectral Sky-Dome Radiance", SIGGRAPH 2012). The sun
-//! outside of the air is a black body; the air takes from it what Preetham, Shirley & Smits ("A Practical Analytic Model for
-//! Daylight", SIGGRAPH 1999, appendix A.1) state for molecules, aerosols and ozone. Gases and vapour, which absorb nearly
-//! nothing between 380 and 690 nm, are left out.
+//! The sky is the model of Hosek & Wilkie ("An Analytic Model for Full Spectral Sky-Dome Radiance", SIGGRAPH 2012). The sun outside of
+//! the atmosphere is a black body; the air attenuates it by the formulae of Preetham, Shirley & Smits ("A Practical Analytic Model for
+//! Daylight", SIGGRAPH 1999, appendix A.1) for molecules, aerosols and ozone. Gases and vapour, which absorb almost nothing between 380
+//! and 690 nm, are neglected.
 //!
-//! Both are photometric: a channel of 1 W/(m^2 sr) stands for 683 cd/m^2, as in the data of the sky model.
+//! Both are photometric: a channel of 1 W/(m^2 sr) corresponds to 683 cd/m^2, as in the data of the sky model.
 
 use super::environment::EnvironmentMap;
 use crate::math::Rgb;
@@ -20,7 +20,7 @@ pub const SUN_ANGULAR_RADIUS: f64 = 0.2665 * PI / 180.0;
 /// Temperature of a black body with the sun's radiance, kelvin.
 const SUN_TEMPERATURE: f64 = 5778.0;
 
-/// Wavelengths at which the sun's spectrum is summed: first, step and count, nm.
+/// Wavelengths at which the sun's spectrum is sampled: first, step and count, nm.
 const WAVELENGTHS: (f64, f64, usize) = (380.0, 10.0, 40);
 
 /// Absorption by ozone, 1/cm, from 440 nm in steps of 10 nm (as tabulated by Iqbal, "An Introduction to Solar Radiation",
@@ -31,7 +31,7 @@ const OZONE: [f64; 34] = [
     0.010, 0.009, 0.007, 0.004,
 ];
 
-/// Column of ozone above the ground, cm.
+/// Thickness of the ozone column above the ground, cm.
 const OZONE_COLUMN: f64 = 0.35;
 
 /// A clear sky.
@@ -44,8 +44,8 @@ pub struct Sky {
 }
 
 impl Sky {
-    /// With the sun at `elevation` above the horizon and `azimuth` from -z to +x (radians), for a turbidity from 1 (pure
-    /// air) to 10 (haze) and a ground of this reflectance. `None` where a number is outside of that.
+    /// A sky with the sun at `elevation` above the horizon and `azimuth` from -z towards +x (radians), for a turbidity from 1 (pure air)
+    /// to 10 (haze) and a ground with the reflectance `albedo`. `None` where a value is out of range.
     pub fn new(elevation: f64, azimuth: f64, turbidity: f64, albedo: Rgb) -> Option<Self> {
         if !(0.0..=PI / 2.0).contains(&elevation) {
             return None;
@@ -69,7 +69,7 @@ impl Sky {
     /// Radiance of the sky without the sun's disc, in a unit direction above the horizon.
     pub fn radiance(&self, direction: Vec3) -> Rgb {
         let theta = direction.y.clamp(0.0, 1.0).acos();
-        // From the chord, which keeps its digits near the sun.
+        // Computed from the chord, which keeps its precision near the sun.
         let gamma = 2.0 * (0.5 * (direction.as_dvec3() - self.towards).length()).clamp(0.0, 1.0).asin();
         let of = |channel| self.model.radiance(theta, gamma as f32, channel).max(0.0);
         Rgb::new(of(Channel::R), of(Channel::G), of(Channel::B))
@@ -96,8 +96,8 @@ impl Sky {
         to_rgb(xyz).max(DVec3::ZERO)
     }
 
-    /// The whole medium_stack as a map of `2 height` by `height` pixels: the sky, and below the horizon the radiance of a
-    /// Lambertian plain in it, which the sun lights as well if `with_sun`.
+    /// The whole environment as a map of `2 height` by `height` pixels: the sky, and below the horizon the radiance of a Lambertian
+    /// ground under it, which the sun also lights if `with_sun`.
     pub fn map(&self, height: usize, with_sun: bool) -> Option<EnvironmentMap> {
         let width = 2 * height;
         let at = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
@@ -120,7 +120,7 @@ impl Sky {
     }
 }
 
-/// Relative way through the air at an angle to the zenith, radians (Kasten 1965, as in Preetham et al.).
+/// Relative path length through the air at an angle to the zenith, radians (Kasten 1965, as in Preetham et al.).
 fn air_mass(zenith: f64) -> f64 {
     1.0 / (zenith.cos().max(0.0) + 0.15 * (93.885 - zenith.to_degrees()).max(0.1).powf(-1.253))
 }
@@ -133,7 +133,7 @@ fn planck(nm: f64) -> f64 {
     TWO_H_C_SQUARED / (m.powi(5) * (H_C_OVER_K / (m * SUN_TEMPERATURE)).exp_m1()) * 1e-9
 }
 
-/// Colour matching functions of 1931 in the analytic approximation of Wyman, Sloan & Shirley (JCGT 2(2), 2013).
+/// CIE 1931 colour matching functions in the analytic approximation of Wyman, Sloan & Shirley (JCGT 2(2), 2013).
 fn matching(nm: f64) -> DVec3 {
     let lobe = |center: f64, below: f64, above: f64| {
         let t = (nm - center) / if nm < center { below } else { above };
@@ -167,7 +167,7 @@ mod tests {
         Sky::new(elevation.to_radians(), 0.3, turbidity, Rgb::splat(0.2)).unwrap()
     }
 
-    /// Above the air: 1361 W/m^2 in all, and 128 klx or so.
+    /// Above the air: 1361 W/m^2 in total, and about 128 klx.
     #[test]
     fn the_sun_outside_of_the_air() {
         let solid_angle = PI * SUN_ANGULAR_RADIUS.sin().powi(2);
@@ -178,7 +178,7 @@ mod tests {
         assert!((visible * 683.0 / 130e3 - 1.0).abs() < 0.05, "{}", visible * 683.0);
     }
 
-    /// Illuminances as handbooks have them for clear days, and a sun that sinks red into haze.
+    /// Illuminances agree with handbook values for clear days, and a low sun in haze is red.
     #[test]
     fn daylight_is_as_bright_as_it_is() {
         let klx = |rgb: DVec3| luminance(rgb) * 0.683;

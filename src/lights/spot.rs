@@ -1,4 +1,4 @@
-//! Lights at a point that do not shine alike in all directions: a cone with a soft edge, or a measured distribution.
+//! Point lights whose intensity depends on the direction: a cone with a soft edge, or a measured profile.
 
 use crate::math::{Frame, Rgb, unit};
 use crate::sampling::{SphereDensity, direction_to_square, warp};
@@ -6,14 +6,14 @@ use glam::{DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-/// A light at a point with an intensity for each direction.
+/// A point light with an intensity for each direction.
 #[derive(Clone, Debug)]
 pub struct SpotLight {
     /// Position.
     pub position: Vec3,
-    /// Radiant intensity in the middle of the cone, flux per solid angle; or the factor on that of the profile.
+    /// Radiant intensity at the centre of the cone, flux per solid angle; or the factor on the intensity of the profile.
     pub intensity: Rgb,
-    /// Axes of the distribution: z along the middle of the cone, or down the profile.
+    /// Axes of the distribution: z is the axis of the cone, or points down in the profile.
     frame: Frame,
     shape: Distribution,
 }
@@ -24,21 +24,21 @@ enum Distribution {
     Profile(Arc<Profile>),
 }
 
-/// A cone of full intensity around the axis, and an edge in which it falls to zero with the square of a linear ramp in the
-/// cosine (Khronos, `KHR_lights_punctual`).
+/// A cone with full intensity around the axis. At its edge the intensity falls to zero with the square of a linear ramp in the cosine
+/// (Khronos, `KHR_lights_punctual`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cone {
-    /// `1 - cos` of the angle where the intensity is zero.
+    /// `1 - cos` of the angle at which the intensity becomes zero.
     outer: f64,
     /// Width of the ramp, as a difference of cosines.
     ramp: f64,
 }
 
 impl Cone {
-    /// Narrowest ramp, as the extension defines it.
+    /// Smallest width of the ramp, as defined by the extension.
     const LEAST_RAMP: f64 = 0.001;
 
-    /// Full intensity up to `inner` radians from the axis, none from `outer` on; `0 <= inner <= outer <= pi`.
+    /// Full intensity up to `inner` radians from the axis, zero from `outer` on; `0 <= inner <= outer <= pi`.
     pub fn new(inner: f64, outer: f64) -> Self {
         let one_minus_cos = |angle: f64| 2.0 * (0.5 * angle).sin().powi(2);
         let (inner, outer) = (one_minus_cos(inner), one_minus_cos(outer));
@@ -50,13 +50,13 @@ impl Cone {
         ((self.outer - (1.0 - cosine)) / self.ramp).clamp(0.0, 1.0).powi(2)
     }
 
-    /// Flux for an intensity of one: the part of full intensity, and the part on the ramp, whose mean is a third.
+    /// Flux for an intensity of one: the part with full intensity, plus the ramp, whose mean factor is one third.
     pub fn flux(&self) -> f64 {
         let (full, ramp) = self.parts();
         TAU * (full + ramp)
     }
 
-    /// Integrals of the factor over `1 - cos`: where it is one, and on the ramp.
+    /// Integrals of the factor over `1 - cos`: where the factor is one, and on the ramp.
     fn parts(&self) -> (f64, f64) {
         let full = (self.outer - self.ramp).max(0.0);
         // Where the cone is narrower than the ramp, the factor never reaches one.
@@ -64,14 +64,14 @@ impl Cone {
         (full, self.ramp * top.powi(3) / 3.0)
     }
 
-    /// A direction around z in proportion to the intensity; latitudes by the first number and longitudes by the second.
+    /// Samples a direction around z in proportion to the intensity; the first number selects the latitude, the second the longitude.
     fn sample(&self, u: Vec2) -> Vec3 {
         let (full, ramp) = self.parts();
         let x = f64::from(u.x) * (full + ramp);
         let drop = if x < full {
             x
         } else {
-            // From the inner end of the ramp outwards: what is left of it goes with the cube.
+            // Measured from the inner end of the ramp; the remaining integral falls with the cube.
             let left = (1.0 - (x - full) / ramp).max(0.0);
             self.outer - self.ramp * (self.outer / self.ramp).min(1.0) * left.cbrt()
         };
@@ -79,18 +79,18 @@ impl Cone {
     }
 }
 
-/// Measured intensity over polar and azimuthal angles, bilinear in both between them; zero outside of the polar angles.
+/// Measured intensity over polar and azimuthal angles, interpolated bilinearly; zero outside of the polar angles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProfileTable {
-    /// Angles to the axis that leads down (nadir), radians, increasing, in `[0, pi]`.
+    /// Angles to the downward axis (nadir), radians, increasing, in `[0, pi]`.
     pub polar: Vec<f64>,
-    /// Angles around it, radians, increasing from 0 to 2 pi; only 0 where all are alike.
+    /// Angles around that axis, radians, increasing from 0 to 2 pi; only 0 where the intensity does not depend on them.
     pub azimuth: Vec<f64>,
     /// Intensity, azimuth after azimuth: `values[azimuth * polar.len() + polar]`.
     pub values: Vec<f32>,
 }
 
-/// A table with a density to draw directions from.
+/// A measured profile with a density for sampling directions.
 #[derive(Clone, Debug)]
 pub struct Profile {
     table: ProfileTable,
@@ -98,7 +98,7 @@ pub struct Profile {
     flux: f64,
 }
 
-/// Index of the interval of `angles` that holds `at`, and how far it is in it; `None` outside.
+/// Index of the interval of `angles` that contains `at`, and the fraction within it; `None` outside.
 fn interval(angles: &[f64], at: f64) -> Option<(usize, f64)> {
     let after = angles.partition_point(|&angle| angle <= at);
     match after {
@@ -123,10 +123,10 @@ impl ProfileTable {
         left * (1.0 - across) + right * across
     }
 
-    /// Flux: the integral over all directions, in closed form for what is linear in each angle.
+    /// Flux: the integral over all directions, in closed form for an intensity that is linear in each angle.
     pub fn flux(&self) -> f64 {
         let count = self.polar.len();
-        // Share of each azimuth in the circle.
+        // Share of each azimuth in the full circle.
         let widths: Vec<f64> = if self.azimuth.len() < 2 {
             vec![TAU]
         } else {
@@ -148,14 +148,14 @@ impl ProfileTable {
 }
 
 impl Profile {
-    /// Columns and rows of the table that directions are drawn from.
+    /// Columns and rows of the table from which directions are sampled.
     const GRID: (usize, usize) = (256, 256);
 
-    /// `None` where nothing shines.
+    /// `None` where the intensity is zero everywhere.
     pub fn new(table: ProfileTable) -> Option<Self> {
         let (width, height) = Self::GRID;
         let (dx, dy) = (TAU / width as f64, PI / height as f64);
-        // The largest of each cell and those around it, so that nothing that shines is left out between places that do not.
+        // Largest value in each cell and around it, so that a bright spot between dark points is not left out.
         let cell = |index: usize| {
             let (x, y) = ((index % width) as f64 + 0.5, (index / width) as f64 + 0.5);
             let mut most = 0f64;
@@ -166,7 +166,7 @@ impl Profile {
                     most = most.max(table.at(polar, azimuth));
                 }
             }
-            // Angles closer than a cell.
+            // Also the table's polar angles that are closer together than a cell.
             let (low, high) = ((y - 1.0) * dy, (y + 1.0) * dy);
             for &polar in table.polar.iter().filter(|&&polar| low < polar && polar < high) {
                 for i in -2..=2 {
@@ -180,7 +180,7 @@ impl Profile {
         (flux > 0.0 && flux.is_finite()).then_some(Self { table, density, flux })
     }
 
-    /// The table.
+    /// The measured table.
     pub fn table(&self) -> &ProfileTable {
         &self.table
     }
@@ -196,7 +196,7 @@ impl Profile {
     }
 }
 
-/// Polar angle and azimuth of a direction in axes whose z leads down: azimuths are counter-clockwise as seen from above.
+/// Polar angle and azimuth of a direction in axes whose z points down. Azimuths are counter-clockwise as seen from above.
 fn to_table(d: Vec3) -> (f64, f64) {
     let d = d.as_dvec3();
     (d.x.hypot(d.y).atan2(d.z), (-d.y).atan2(d.x).rem_euclid(TAU))
@@ -208,19 +208,19 @@ impl SpotLight {
         Self { position, intensity, frame: Frame::from_z(direction), shape: Distribution::Cone(cone) }
     }
 
-    /// A profile whose polar angles count from the unit direction `down`, and azimuths from the direction `along`,
-    /// counter-clockwise as seen from above, where `down` points away.
+    /// A profile whose polar angles count from the unit direction `down`, and whose azimuths count from the direction `along`,
+    /// counter-clockwise as seen from above, where `down` points away from the viewer.
     pub fn profile(position: Vec3, (down, along): (Vec3, Vec3), factor: Rgb, profile: Arc<Profile>) -> Self {
         let shape = Distribution::Profile(profile);
         Self { position, intensity: factor, frame: Frame::with_tangent(down, along), shape }
     }
 
-    /// Whether it is a measured distribution.
+    /// Whether the light has a measured profile.
     pub fn is_profile(&self) -> bool {
         matches!(self.shape, Distribution::Profile(_))
     }
 
-    /// Unit direction of the middle, and the angle to it beyond which nothing is emitted, radians.
+    /// Unit direction of the axis, and the angle to it beyond which nothing is emitted, radians.
     pub fn extent(&self) -> (Vec3, f32) {
         let limit = match &self.shape {
             Distribution::Cone(cone) => 2.0 * (0.5 * cone.outer).sqrt().min(1.0).asin(),
@@ -237,10 +237,10 @@ impl SpotLight {
         }
     }
 
-    /// Factor on the intensity along the unit `direction` away from the light.
+    /// Factor on the intensity in the unit `direction` away from the light.
     pub fn factor(&self, direction: Vec3) -> f32 {
         match &self.shape {
-            // 1 - cos as half the squared chord, which keeps its precision in narrow cones.
+            // Computes 1 - cos as half the squared chord, which keeps its precision in narrow cones.
             Distribution::Cone(cone) => {
                 let drop = 0.5 * (direction - self.frame.z).as_dvec3().length_squared();
                 cone.factor(1.0 - drop) as f32
@@ -252,7 +252,8 @@ impl SpotLight {
         }
     }
 
-    /// A direction away from the light, by its intensity, and the intensity over the density per solid angle.
+    /// Samples a direction away from the light in proportion to the intensity; also returns the intensity over the density per solid
+    /// angle.
     pub fn sample(&self, u: Vec2) -> Option<(Vec3, Rgb)> {
         match &self.shape {
             Distribution::Cone(cone) => {
@@ -270,7 +271,7 @@ impl SpotLight {
         }
     }
 
-    /// [`Self::sample`] where latitudes come from the first number and longitudes from the second alone, as in a cone.
+    /// Whether [`Self::sample`] maps the first number to latitudes alone and the second to longitudes alone, as for a cone.
     pub fn has_even_squares(&self) -> bool {
         !self.is_profile()
     }
@@ -284,7 +285,7 @@ impl SpotLight {
         self.intensity.as_dvec3() * of_one
     }
 
-    /// Unit direction to the light and the intensity towards `from` over the squared distance.
+    /// Unit direction to the light, the intensity towards `from` over the squared distance, and the distance.
     pub(super) fn arriving(&self, from: Vec3) -> Option<(Vec3, Rgb, f32)> {
         let to_light = self.position - from;
         let wi = unit(to_light)?;
@@ -300,8 +301,8 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream};
 
-    /// Intensities, powers of emitted photons and the flux of a light: the mean over directions drawn uniformly, and the mean
-    /// of what is drawn by intensity.
+    /// Checks intensities, powers of emitted photons and the flux of a light: the mean over uniformly sampled directions, and the mean
+    /// over samples by intensity.
     fn check(light: &SpotLight, tolerance: f64) {
         let mut rng = Rng::new(7, Stream::Measure, 0);
         let n = 400_000;
@@ -346,12 +347,12 @@ mod tests {
             let want = (angle.cos() * scale - outer.cos() * scale).clamp(0.0, 1.0).powi(2);
             assert!((f64::from(at(angle)) - want).abs() < 1e-3, "{} {want}", at(angle));
         }
-        // All around without an edge: as a point light, but for the narrowest ramp.
+        // All directions without an edge: like a point light, except for the narrowest ramp.
         let all = Cone::new(PI, PI).flux();
         assert!((all / (4.0 * PI) - 1.0).abs() < 1e-3, "{all}");
     }
 
-    /// Directions in a cone by their angle: as often as the intensity says (chi-square).
+    /// The frequencies of sampled directions in a cone agree with the intensity (chi-square).
     #[test]
     fn directions_of_a_cone() {
         let cone = Cone::new(0.4, 0.8);
@@ -381,7 +382,7 @@ mod tests {
     #[test]
     fn profiles() {
         let degrees = |angles: &[f64]| angles.iter().map(|angle| angle.to_radians()).collect::<Vec<_>>();
-        // A cosine downwards, in steps of five degrees: flux pi, but for the chords.
+        // An intensity proportional to the downward cosine, in steps of five degrees: flux pi, except for the interpolation.
         let polar: Vec<f64> = (0..=18).map(|i| f64::from(5 * i).to_radians()).collect();
         let values = polar.iter().map(|angle| angle.cos() as f32).collect();
         let cosine = Profile::new(ProfileTable { polar, azimuth: vec![0.0], values }).unwrap();
@@ -402,7 +403,7 @@ mod tests {
         assert!(Profile::new(dark).is_none());
     }
 
-    /// Azimuths count from `along`, counter-clockwise as one looks down on the light.
+    /// Azimuths count from `along`, counter-clockwise as seen from above.
     #[test]
     fn azimuths() {
         let table = ProfileTable {

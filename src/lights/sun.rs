@@ -1,4 +1,4 @@
-//! The disc of the sun: light from a small cone of directions.
+//! Sun light: a disc that sends light from a small cone of directions.
 
 use crate::math::{Frame, Rgb};
 use crate::sampling::warp;
@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 /// Equal radiance from all directions within a cone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunLight {
-    /// Unit direction to the middle of the disc.
+    /// Unit direction to the centre of the disc.
     towards: Vec3,
     /// `1 - cos` of the angular radius.
     one_minus_cos: f32,
@@ -19,15 +19,15 @@ pub struct SunLight {
 }
 
 impl SunLight {
-    /// A disc of the angular `radius` (radians, in `(0, pi/2]`) in the unit direction `towards`, of this irradiance on a
-    /// surface that faces it.
+    /// A disc with the angular `radius` (radians, in `(0, pi/2]`) in the unit direction `towards`, with this irradiance on a surface
+    /// that faces it.
     pub fn new(towards: Vec3, radius: f64, irradiance: Rgb) -> Self {
         // The projected solid angle of the cone.
         let radiance = irradiance / (PI * radius.sin().powi(2)) as f32;
         Self { towards, one_minus_cos: one_minus_cos(radius) as f32, radius: radius as f32, radiance }
     }
 
-    /// Unit direction to the middle of the disc.
+    /// Unit direction to the centre of the disc.
     pub fn towards(&self) -> Vec3 {
         self.towards
     }
@@ -37,12 +37,12 @@ impl SunLight {
         self.radius
     }
 
-    /// A direction to the disc, uniform over it.
+    /// Samples a direction to the disc, uniformly over its solid angle.
     pub fn sample(&self, u: Vec2) -> Vec3 {
         Frame::from_z(self.towards).to_world(warp::square_to_cone(u, self.one_minus_cos))
     }
 
-    /// Density per solid angle of [`Self::sample`] in all directions to the disc.
+    /// Density per solid angle of [`Self::sample`] in all directions within the disc.
     pub fn pdf_inside(&self) -> f32 {
         warp::cone_pdf(self.one_minus_cos)
     }
@@ -52,9 +52,9 @@ impl SunLight {
         1.0 / self.pdf_inside()
     }
 
-    /// Whether the unit `direction` leads to the disc.
+    /// Whether the unit `direction` points into the disc.
     pub fn covers(&self, direction: Vec3) -> bool {
-        // 1 - cos as half the squared chord, which keeps its precision for narrow cones.
+        // Computes 1 - cos as half the squared chord, which keeps its precision for narrow cones.
         0.5 * (direction - self.towards).length_squared() <= self.one_minus_cos
     }
 }
@@ -68,7 +68,7 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream};
 
-    /// Of the sun of the sky, and of one that fills half of the sky.
+    /// The sun of the sky, and a sun that fills half of the sky.
     #[test]
     fn irradiance_is_what_was_asked_for() {
         let mut rng = Rng::new(6, Stream::Measure, 0);
@@ -77,7 +77,7 @@ mod tests {
             let (mut sum, n) = (0.0, 100_000);
             for _ in 0..n {
                 let direction = sun.sample(rng.next_2d());
-                // A direction on the very rim may miss it by rounding.
+                // A direction exactly on the rim may miss the disc by rounding.
                 assert!(sun.covers(direction + (sun.towards() - direction) * 1e-3));
                 sum += f64::from(sun.radiance.x * direction.dot(sun.towards()) / sun.pdf_inside());
             }

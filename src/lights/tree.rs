@@ -1,36 +1,37 @@
-//! Many lights: one is drawn by what it may contribute to a place, in time that grows with the logarithm of their number.
+//! Light tree: samples one of many lights by its possible contribution to a point, in time that grows with the logarithm of their
+//! number.
 
 use super::Receiver;
 use crate::math::Bounds3;
 use glam::{DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// What bounds the light of one emitter, or of several together (Conty Estevez & Kulla, "Importance Sampling of Many Lights
-/// with Adaptive Tree Splitting", HPG 2018).
+/// Bounds of the light of one emitter, or of several together (Conty Estevez & Kulla, "Importance Sampling of Many Lights with Adaptive
+/// Tree Splitting", HPG 2018).
 #[derive(Clone, Copy, Debug)]
 pub struct LightBounds {
-    /// A box around the positions.
+    /// Box around the positions.
     pub bounds: Bounds3,
-    /// Intensity along the normal: radiance times area, or that of a point light. Not negative.
+    /// Intensity along the normal: radiance times area, or the intensity of a point light. Not negative.
     pub power: f64,
-    /// Unit axis of the normals.
+    /// Unit axis of the cone of normals.
     pub axis: DVec3,
     /// Half angle of the cone of normals around the axis.
     pub spread: f64,
-    /// Angle to the normal up to which light leaves.
+    /// Largest angle to the normal at which light leaves.
     pub reach: f64,
-    /// Both sides emit.
+    /// Whether both sides emit.
     pub two_sided: bool,
 }
 
 impl LightBounds {
-    /// A light at a point that shines in all directions.
+    /// A point light that emits in all directions.
     pub fn point(position: DVec3, intensity: f64) -> Self {
         let bounds = Bounds3 { min: position, max: position };
         Self { bounds, power: intensity, axis: DVec3::Z, spread: PI, reach: FRAC_PI_2, two_sided: false }
     }
 
-    /// The bound on both.
+    /// Bounds of both together.
     pub(super) fn union(self, other: Self) -> Self {
         if self.power <= 0.0 {
             return other;
@@ -53,14 +54,14 @@ impl LightBounds {
     fn orientation(&self) -> f64 {
         let full = self.spread.min(PI);
         let end = (full + self.reach).min(PI);
-        // Integral over the falling part, from `full` to `end`.
+        // Integral over the range where the cosine falls, from `full` to `end`.
         let falling = FRAC_PI_2
             * (2.0 * end * full.sin() - (full - 2.0 * end).cos() - 2.0 * full * full.sin() + full.cos());
         2.0 * PI * (1.0 - full.cos()) + falling
     }
 }
 
-/// The cone around two cones of axis and half angle.
+/// The cone around two cones, each given by axis and half angle.
 fn cone_union(a: (DVec3, f64), b: (DVec3, f64)) -> (DVec3, f64) {
     let (a, b) = if a.1 >= b.1 { (a, b) } else { (b, a) };
     let between = a.0.angle_between(b.0);
@@ -69,7 +70,7 @@ fn cone_union(a: (DVec3, f64), b: (DVec3, f64)) -> (DVec3, f64) {
     }
     let spread = 0.5 * (a.1 + between + b.1);
     let across = a.0.cross(b.0).normalize_or_zero();
-    // Opposite axes have no plane in common.
+    // Opposite axes do not define a plane.
     if spread >= PI || across == DVec3::ZERO {
         return (a.0, PI);
     }
@@ -79,18 +80,18 @@ fn cone_union(a: (DVec3, f64), b: (DVec3, f64)) -> (DVec3, f64) {
     (axis.normalize_or(a.0), (spread + 1e-7).min(PI))
 }
 
-/// A node as descending reads it.
+/// A node with the data that the descent reads.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     center: Vec3,
-    /// Of the sphere around the box.
+    /// Radius of the sphere around the box.
     radius: f32,
     axis: Vec3,
     power: f32,
     cos_spread: f32,
     sin_spread: f32,
     cos_reach: f32,
-    /// Number of the second child, the first being the next node; for a leaf the number of its light.
+    /// For an inner node the index of its second child (the first child is the next node); for a leaf the index of its light.
     link: u32,
     is_leaf: bool,
     two_sided: bool,
@@ -116,15 +117,15 @@ impl Node {
         }
     }
 
-    /// A bound on what arrives at a place, but for what is in the way: power times the cosine at the light over the squared
-    /// distance, and times the cosine at the receiver where it has a normal (as section 2.2 of the paper, and as pbrt's
-    /// fourth edition has it). Zero only where nothing can arrive.
+    /// Bound on the light that arrives at a point, without occlusion: power times the cosine at the light over the squared distance, and
+    /// times the cosine at the receiver where it has a normal (section 2.2 of the paper, in the form of pbrt's fourth edition). Zero
+    /// only where nothing can arrive.
     #[inline]
     fn importance(&self, at: &Receiver) -> f32 {
         let away = at.position - self.center;
         let distance_squared = away.length_squared();
         let reach_squared = self.radius * self.radius;
-        // Within the sphere all that is left to go by is power.
+        // Inside the sphere, only the power is meaningful.
         if distance_squared <= reach_squared {
             return self.power / reach_squared.max(f32::MIN_POSITIVE);
         }
@@ -139,7 +140,7 @@ impl Node {
         let cos_size = (1.0 - sin_size * sin_size).max(0.0).sqrt();
         let (cos, sin) = less(cos, sin, self.cos_spread, self.sin_spread);
         let (cos, _) = less(cos, sin, cos_size, sin_size);
-        // A little more, so that rounding at grazing angles leaves nothing out.
+        // A little tolerance, so that rounding at grazing angles leaves no light out.
         if cos <= self.cos_reach - 1e-5 {
             return 0.0;
         }
@@ -153,7 +154,7 @@ impl Node {
     }
 }
 
-/// Cosine and sine of an angle less another, or of none where the other is larger; angles in `[0, pi]`.
+/// Cosine and sine of an angle minus another one, or of zero where the other one is larger; angles in `[0, pi]`.
 #[inline]
 fn less(cos: f32, sin: f32, cos_other: f32, sin_other: f32) -> (f32, f32) {
     if cos >= cos_other {
@@ -167,22 +168,22 @@ fn less(cos: f32, sin: f32, cos_other: f32, sin_other: f32) -> (f32, f32) {
 #[derive(Clone, Debug)]
 pub struct LightTree {
     nodes: Vec<Node>,
-    /// By light: the way to its leaf, from the lowest bit on; a one leads to the second child.
+    /// For each light, the path to its leaf, beginning with the lowest bit; a set bit leads to the second child.
     ways: Vec<u64>,
     whole: LightBounds,
 }
 
-/// From this depth on parts are split in halves, so that no way is longer than 64.
+/// From this depth on, nodes are split in halves, so that no path is longer than 64.
 const DEEPEST_UNEVEN: u32 = 30;
 
-/// Parts of more lights than this are looked at along one axis only.
+/// Nodes with more lights than this are split along the longest axis only.
 const MANY: usize = 1024;
 
-/// Intervals in which planes of a split are looked for.
+/// Number of intervals between which split planes are tested.
 const BUCKETS: usize = 12;
 
 impl LightTree {
-    /// A tree over these lights, at most 2^31. `None` where there is none with power.
+    /// A tree over these lights, at most 2^31. `None` where no light has power.
     pub fn new(lights: &[LightBounds]) -> Option<Self> {
         let whole = lights.iter().copied().reduce(LightBounds::union)?;
         if !(whole.power > 0.0 && whole.power.is_finite()) || lights.len() > 1 << 31 {
@@ -203,7 +204,7 @@ impl LightTree {
             self.nodes.push(Node { link: number, is_leaf: true, ..Node::new(&light) });
             return light;
         }
-        // Filled in when the children are known.
+        // Completed when the children are known.
         let placeholder = Node::new(&lights[numbers[0] as usize]);
         self.nodes.push(placeholder);
         let middle = split(lights, numbers, depth);
@@ -216,18 +217,19 @@ impl LightTree {
         both
     }
 
-    /// The bound on all of them.
+    /// Bounds of all lights together.
     pub fn whole(&self) -> &LightBounds {
         &self.whole
     }
 
-    /// Lights in the tree.
+    /// Number of lights in the tree.
     #[allow(clippy::len_without_is_empty, reason = "never empty")]
     pub fn len(&self) -> usize {
         self.ways.len()
     }
 
-    /// A light, its probability, and what is left of `u`, again uniform in `[0, 1)`; `None` where none can reach the place.
+    /// Samples a light; returns it, its probability, and the remainder of `u`, which is uniform in `[0, 1)` again. `None` where no light
+    /// can reach the point.
     #[inline]
     pub fn sample(&self, at: &Receiver, u: f64) -> Option<(usize, f32, f32)> {
         let mut u = u;
@@ -253,7 +255,7 @@ impl LightTree {
         }
     }
 
-    /// Probability with which [`Self::sample`] draws `light`.
+    /// Probability with which [`Self::sample`] samples `light`.
     #[inline]
     pub fn probability(&self, at: &Receiver, light: usize) -> f32 {
         let Some(&(mut way)) = self.ways.get(light) else { return 0.0 };
@@ -273,7 +275,7 @@ impl LightTree {
         probability
     }
 
-    /// Share of the first child of an inner node; `None` where neither reaches the place.
+    /// Probability of the first child of an inner node; `None` where neither child reaches the point.
     #[inline]
     fn share_of_first(&self, index: usize, at: &Receiver) -> Option<f32> {
         let first = self.nodes[index + 1].importance(at);
@@ -283,8 +285,8 @@ impl LightTree {
     }
 }
 
-/// Puts those of the first part first, and returns how many they are: the split of the lowest cost by the paper's surface
-/// area orientation heuristic, or halves.
+/// Sorts the lights of the first part to the front and returns their number. The split has the lowest cost by the paper's surface area
+/// orientation heuristic, or else divides the lights in halves.
 fn split(lights: &[LightBounds], numbers: &mut [u32], depth: u32) -> usize {
     let center = |number: u32| lights[number as usize].bounds.center();
     let centers = numbers.iter().fold(Bounds3::EMPTY, |bounds, &number| {
@@ -307,7 +309,7 @@ fn split(lights: &[LightBounds], numbers: &mut [u32], depth: u32) -> usize {
     };
     let mut best: Option<(f64, usize, usize)> = None;
     for axis in 0..3 {
-        // Of many lights the longest axis will do.
+        // With many lights the longest axis is sufficient.
         if !(extent[axis] > 0.0) || numbers.len() > MANY && extent[axis] < longest {
             continue;
         }
@@ -327,7 +329,7 @@ fn split(lights: &[LightBounds], numbers: &mut [u32], depth: u32) -> usize {
                 bounds.power * bounds.orientation() * (d.x * d.y + d.y * d.z + d.z * d.x)
             })
         };
-        // What lies beyond each plane, then what lies before it.
+        // The lights beyond each plane, then the lights before it.
         let mut beyond: [Option<LightBounds>; BUCKETS] = [None; BUCKETS];
         let mut all = None;
         for plane in (1..BUCKETS).rev() {
@@ -336,13 +338,13 @@ fn split(lights: &[LightBounds], numbers: &mut [u32], depth: u32) -> usize {
         }
         let mut before = None;
         for (plane, &after) in beyond.iter().enumerate().skip(1) {
-            // A plane behind an empty interval divides as the one before it does.
+            // A plane behind an empty interval divides the lights as the plane before it does.
             if buckets[plane - 1].is_none() {
                 continue;
             }
             before = join(before, &buckets[plane - 1]);
             let (Some(first), Some(second)) = (cost(before), cost(after)) else { continue };
-            // Long boxes are to be cut across.
+            // Long boxes should be cut across.
             let cost = (first + second) * longest / extent[axis];
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, axis, plane));
@@ -350,7 +352,7 @@ fn split(lights: &[LightBounds], numbers: &mut [u32], depth: u32) -> usize {
         }
     }
     let Some((_, axis, plane)) = best else { return half };
-    // Stable, so that the tree does not depend on how a library partitions.
+    // Stable, so that the tree does not depend on a library's partition algorithm.
     let (mut first, second): (Vec<u32>, Vec<u32>) =
         numbers.iter().partition(|&&number| bucket_of(number, axis) < plane);
     let middle = first.len();
@@ -364,7 +366,7 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream, refined, warp};
 
-    /// Small quads and points here and there.
+    /// Small quads and points at random places.
     fn lights(count: usize, rng: &mut Rng) -> Vec<LightBounds> {
         (0..count)
             .map(|i| {
@@ -392,7 +394,8 @@ mod tests {
         Receiver { position, normal: if rng.next_f32() < 0.3 { Vec3::ZERO } else { normal } }
     }
 
-    /// Probabilities of all lights sum to one, those drawn have the probability that is evaluated, and are drawn as often.
+    /// The probabilities of all lights sum to one, samples return the probability that is evaluated, and their frequencies agree with
+    /// it.
     #[test]
     fn probabilities_are_those_of_the_samples() {
         let mut rng = Rng::new(11, Stream::Measure, 0);
@@ -403,7 +406,7 @@ mod tests {
                 let at = receiver(&mut rng);
                 let sum: f64 = (0..count).map(|light| f64::from(tree.probability(&at, light))).sum();
                 match tree.sample(&at, refined(rng.next_2d())) {
-                    // None reaches the place from any side but those that were left out on the way down.
+                    // Only lights that the descent excluded can be missing.
                     None => assert!(sum < 1.0 + 1e-5, "{sum}"),
                     Some((light, probability, rest)) => {
                         assert!((0.0..1.0).contains(&rest));
@@ -422,7 +425,7 @@ mod tests {
                     None => none += 1,
                 }
             }
-            // What is drawn in vain is what is missing from one.
+            // The share of failed samples equals one minus the sum of the probabilities.
             assert!((f64::from(none) / f64::from(n) - (1.0 - sum)).abs() < 0.01, "{none} {sum}");
             let (mut statistic, mut freedom) = (0.0, 0.0);
             for (light, &drawn) in counts.iter().enumerate() {
@@ -439,7 +442,7 @@ mod tests {
         }
     }
 
-    /// A light that can reach a place is never left out: its own importance is positive, and so is its probability.
+    /// A light that can reach a point is never left out: its own importance and its probability are positive.
     #[test]
     fn nothing_that_shines_is_left_out() {
         let mut rng = Rng::new(12, Stream::Measure, 0);
@@ -450,7 +453,7 @@ mod tests {
             let at = receiver(&mut rng);
             let number = (rng.next_f32() * 300.0) as usize;
             let light = &lights[number];
-            // A point of the light and a normal of its cone.
+            // A point of the light and a normal in its cone.
             let u = DVec3::new(rng.next_f32().into(), rng.next_f32().into(), rng.next_f32().into());
             let from = light.bounds.min + (light.bounds.max - light.bounds.min) * u;
             let spread = (1.0 - light.spread.cos()) as f32;
@@ -467,7 +470,7 @@ mod tests {
         assert!(reached > 500, "{reached}");
     }
 
-    /// Near a light the tree draws it far more often than its share of the power.
+    /// Near a light the tree samples it far more often than in proportion to its power.
     #[test]
     fn near_lights_come_first() {
         let lights: Vec<LightBounds> =
@@ -475,7 +478,7 @@ mod tests {
         let tree = LightTree::new(&lights).unwrap();
         let at = Receiver { position: Vec3::new(500.0, 0.5, 0.0), normal: Vec3::Y * -1.0 };
         let near: f32 = (498..=502).map(|light| tree.probability(&at, light)).sum();
-        // Fifty times their share of the power.
+        // Fifty times the share of the power.
         assert!(near > 0.25, "{near}");
         let up = Receiver { normal: Vec3::Y, ..at };
         assert!(tree.sample(&up, 0.3).is_none(), "all are below the horizon");
@@ -485,7 +488,7 @@ mod tests {
     fn odd_sets_of_lights() {
         assert!(LightTree::new(&[]).is_none());
         assert!(LightTree::new(&[LightBounds::point(DVec3::ZERO, 0.0)]).is_none());
-        // All at one place, and along a line by powers of two.
+        // All lights at one place, and lights along a line at powers of two.
         let same = vec![LightBounds::point(DVec3::X, 1.0); 1000];
         let powers: Vec<LightBounds> =
             (0..200).map(|i| LightBounds::point(DVec3::X * 2f64.powi(-i), 1.0)).collect();

@@ -1,8 +1,7 @@
-//! Surfaces that touch: where a border between media, or a flat emitter, lies at the same place as another surface, to within
-//! rounding.
+//! Contacts: places where an interface between media, or a flat emitter, coincides with another surface to within rounding.
 //!
-//! A ray that meets one of them meets them all, in a stated order (`docs/conventions.md`), and goes on from beyond them. Where
-//! that can be is found when a scene is made, so that rays elsewhere pay for no second look.
+//! A ray that meets one of these surfaces meets all of them, in a defined order (`docs/conventions.md`), and continues beyond them. The
+//! regions of possible contacts are found when a scene is built, so that rays elsewhere need no second query.
 
 use super::crossings::Crossings;
 use super::parts::SceneParts;
@@ -17,23 +16,22 @@ use arrayvec::ArrayVec;
 use glam::Vec3;
 use std::cell::RefCell;
 
-/// Borders that a ray passes at one place; those of a pair of media count once however many lie there.
+/// Largest number of interfaces that a ray passes at one place; interfaces between the same pair of media count once.
 const MOST_BORDERS: usize = 4;
 
-/// The borders between media at the place of a hit, where another surface lies there too. None for all other hits, which are
-/// what their own material says.
+/// The interfaces between media at the place of a hit where another surface coincides. Empty for all other hits, which are described by
+/// their own material.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Borders {
-    /// Medium on the side that the ray comes from, that on the other side, and how many such borders; in the order in which
-    /// they are passed.
+    /// Medium on the near side, medium on the far side, and the number of such interfaces; in the order in which the ray passes them.
     pairs: [(MediumId, MediumId, u16); MOST_BORDERS],
     count: u8,
-    /// More than there is room for.
+    /// Whether there were more interfaces than fit.
     is_full: bool,
 }
 
 impl Borders {
-    /// Whether the hit is a surface by itself.
+    /// Whether the hit surface coincides with no other one.
     #[inline]
     pub fn is_empty(&self) -> bool {
         self.count == 0
@@ -51,13 +49,13 @@ impl Borders {
         }
     }
 
-    /// Medium on the side that the ray comes from and on the other side, of each border.
+    /// Media on the near side and on the far side of each interface.
     pub(super) fn each(&self) -> impl Iterator<Item = (MediumId, MediumId)> + '_ {
         let passed = self.pairs.iter().take(usize::from(self.count));
         passed.flat_map(|&(near, far, count)| (0..count).map(move |_| (near, far)))
     }
 
-    /// What a ray from within `current` passes at all of them together; `None` where there are none.
+    /// Result of crossing all of them from within `current`; `None` where there are none.
     pub(super) fn crossing(&self, current: MediumStack, media: &[Medium]) -> Option<Crossing> {
         let mut all: Option<Crossing> = None;
         for (near, far) in self.each() {
@@ -70,21 +68,21 @@ impl Borders {
     }
 }
 
-/// Where surfaces of a scene touch.
+/// The contacts of a scene.
 #[derive(Debug)]
 pub(super) struct Contacts {
-    /// By surface; empty where it touches nothing.
+    /// For each surface, the regions of its contacts; empty where it has none.
     regions: Vec<Regions>,
-    /// Half the length of the segment across a surface that meets all that touches it there.
+    /// Half the length of the segment across a surface that meets all surfaces in contact with it.
     reach: f32,
-    /// Largest distance between surfaces that touch.
+    /// Largest distance between surfaces in contact.
     distance: f32,
-    /// Surfaces that touch, each pair once.
+    /// Pairs of surfaces in contact, each pair once.
     pairs: Vec<[u32; 2]>,
 }
 
 impl Contacts {
-    /// `None` where nothing touches that matters.
+    /// Finds the contacts of a scene; `None` where there are no relevant ones.
     pub(super) fn find(parts: &SceneParts) -> Option<Self> {
         let Touching { mut boxes, reach, distance, pairs } = find_touching(parts)?;
         let regions = boxes.iter_mut().map(|boxes| Regions::new(boxes)).collect();
@@ -106,7 +104,7 @@ impl Contacts {
         self.reach
     }
 
-    /// Beyond that surfaces do not touch.
+    /// Distance beyond which surfaces do not touch.
     pub(super) fn distance(&self) -> f32 {
         self.distance
     }
@@ -116,7 +114,7 @@ impl Contacts {
     }
 }
 
-/// Boxes in a tree, for the question whether a point is in one of them.
+/// A tree of boxes, which tests whether a point is in one of them.
 #[derive(Debug, Default)]
 struct Regions {
     nodes: Vec<RegionNode>,
@@ -126,12 +124,12 @@ struct Regions {
 struct RegionNode {
     min: Vec3,
     max: Vec3,
-    /// The node to go on with where the point is outside: behind all that is below this one.
+    /// The next node if the point is outside: the first one after the subtree of this node.
     next: u32,
     is_leaf: bool,
 }
 
-/// Boxes that are put together.
+/// Number of boxes in a leaf.
 const LEAF: usize = 2;
 
 impl Regions {
@@ -177,25 +175,25 @@ impl Regions {
     }
 }
 
-/// Surfaces at one place that are told apart. More than that are counted as a contradiction.
+/// Largest number of distinct surfaces at one place. More than that count as a contradiction.
 const MOST_TOGETHER: usize = 16;
 
 /// A surface at the place of a hit.
 struct Member {
     found: SurfaceInteraction,
     raw: RawHit,
-    /// Above the hit, along its normal.
+    /// Height above the hit, along its normal.
     height: f32,
 }
 
 thread_local! {
-    /// Room for the crossings at one place: no ray allocates.
+    /// Buffer for the crossings at one place, so that no ray allocates.
     static CROSSINGS: RefCell<Crossings> = RefCell::default();
 }
 
 impl Scene {
-    /// Where a ray hit `found`, what it meets, without textures: that surface, or of all that lie at the same place the one that
-    /// comes first.
+    /// Replaces a hit `found` by what the ray meets there, without textures: that surface, or, of several surfaces at the same place,
+    /// the one that comes first.
     #[inline(never)]
     pub(super) fn first_of_contact(
         &self,
@@ -229,18 +227,19 @@ impl Scene {
             if along.abs() < SAME_PLANE || height.abs() > offset + there.point.offset {
                 continue;
             }
-            // As the ray meets it, which came along another line than the one across.
+            // Set as for the original ray, because these hits come from a segment across the surface.
             there.wo = found.wo;
             there.distance = found.distance;
             there.retreat = found.retreat;
             if there.is_front() != (found.is_front() == (along > 0.0)) {
-                // Along the surfaces rounding decides between their normals: all have the side of the hit.
+                // For grazing rays, rounding decides on which side of each normal the ray is; all surfaces get the side of the original
+                // hit.
                 there.point.normal = normal * along.signum();
                 there.shading_normal = there.point.normal;
             }
             has_room &= members.try_push(Member { found: there, raw: *other, height }).is_ok();
         }
-        // The ray's own hit, which may be beside its triangle by rounding as seen across.
+        // The ray's own hit, which the segment across may place outside of its triangle by rounding.
         let is_own = |member: &Member| {
             (member.raw.geometry, member.raw.instance) == (raw.geometry, raw.instance)
                 && member.found.is_front() == found.is_front()
@@ -259,14 +258,15 @@ impl Scene {
         let Some(first) = first else { return (found, *raw) };
         let (mut chosen, chosen_raw, at) = (first.found, first.raw, first.height);
         chosen.borders = self.borders_of(&members, has_room);
-        // Beyond all of them, on either side.
+        // Far enough to be beyond all of them, on either side.
         let clear = members.iter().map(|member| (member.height - at).abs() + member.found.point.offset);
         chosen.point.offset = clear.fold(chosen.point.offset, f32::max);
         (chosen, chosen_raw)
     }
 
-    /// What is met first of surfaces at one place: those that bound no media, of these what shines to this side first and what
-    /// shines to the other side only last, in the order of the file; else the border of the medium that displaces the others.
+    /// Order of surfaces at one place. First come the surfaces that bound no media; among these, emitters that shine to this side come
+    /// first and those that shine only to the other side last, otherwise in the order of the file. Then follow the interfaces; first the
+    /// one whose medium displaces the others.
     fn order_of(&self, member: &Member) -> (u32, u32, u32, u32) {
         let hit = &member.found;
         let rank = match self.material(hit).media() {
@@ -283,7 +283,7 @@ impl Scene {
         (1, rank.min().unwrap_or(u32::MAX), hit.surface, hit.primitive)
     }
 
-    /// All borders among them, those of bodies that the ray leaves before those of bodies that it enters.
+    /// All interfaces among the members; interfaces of bodies that the ray leaves come before those of bodies that it enters.
     fn borders_of(&self, members: &[Member], has_room: bool) -> Borders {
         let mut borders = Borders { is_full: !has_room, ..Borders::default() };
         for leaving in [true, false] {
@@ -291,7 +291,7 @@ impl Scene {
                 let hit = &member.found;
                 let Some([inside, outside]) = self.material(hit).media() else { continue };
                 let (near, far) = if hit.is_front() { (outside, inside) } else { (inside, outside) };
-                // What bounds a body towards air is left or entered; what names both is passed on the way out.
+                // An interface between a body and air is either left or entered; an interface that names two media counts as left.
                 if (near != AIR) == leaving {
                     borders.push(near, far);
                 }
@@ -301,5 +301,5 @@ impl Scene {
     }
 }
 
-/// Least cosine between normals of surfaces that lie in each other: others have an order along the ray.
+/// Smallest cosine between the normals of coinciding surfaces; surfaces at larger angles have an order along the ray.
 const SAME_PLANE: f32 = 0.5;

@@ -1,4 +1,4 @@
-//! Every surface along a ray, each crossing once.
+//! All crossings of a ray with surfaces, each crossing once.
 
 use super::parts::{Geometry, Node};
 use super::scene::Scene;
@@ -8,7 +8,7 @@ use crate::math::Ray;
 use crate::math::rounding::UNIT_ROUNDOFF;
 use glam::DVec3;
 
-/// Room for the crossings of one ray, used again and again.
+/// Buffers for the crossings of one ray, reused for every ray.
 #[derive(Debug, Default)]
 pub struct Crossings {
     found: AllHits,
@@ -23,33 +23,33 @@ impl Crossings {
         Self { found: AllHits::with_limit(limit), ..Self::default() }
     }
 
-    /// The crossings of the last ray in the order of (parameter, instance, geometry, primitive).
+    /// The crossings of the last ray, sorted by (parameter, instance, geometry, primitive).
     pub fn hits(&self) -> &[RawHit] {
         &self.kept
     }
 
-    /// Hits of the last ray that were the same crossing as another: of triangles that share the edge or corner that
-    /// the ray passes through.
+    /// Hits of the last ray that were merged with another hit of the same crossing: of triangles that share the edge or corner through
+    /// which the ray passes.
     pub fn merged(&self) -> u64 {
         self.merged
     }
 
-    /// Hits of the last ray beyond what is kept of one.
+    /// Hits of the last ray that exceeded the limit.
     pub fn dropped(&self) -> u64 {
         self.found.dropped()
     }
 }
 
-/// A triangle and a ray that meets it, in the triangle's own space.
+/// A triangle and a ray that hits it, in the triangle's own space.
 #[derive(Clone, Copy, Debug)]
 struct Facet {
-    /// As stored: equal corners are equal numbers.
+    /// Corners as stored, so that equal corners are equal numbers.
     corners: [[f32; 3]; 3],
     origin: DVec3,
     direction: DVec3,
-    /// Whether the ray arrives on the front, by winding.
+    /// Whether the ray arrives on the front, as defined by winding.
     front: bool,
-    /// Longest extent, as a difference of ray parameters.
+    /// Longest edge, in units of the ray parameter.
     span: f64,
 }
 
@@ -64,11 +64,11 @@ impl Facet {
         Self { corners, origin, direction, front, span: extent / direction.length() }
     }
 
-    /// Whether `other`, a triangle of the same mesh that the same ray meets, is met at the same crossing.
+    /// Whether the ray crosses `other`, a triangle of the same mesh, at the same crossing.
     ///
-    /// Triangles that lie on opposite sides of an edge they share, as seen along the ray, can both be met only where
-    /// it passes through that edge, to within rounding: no tolerance is needed. Where they lie on one side the surface
-    /// is folded, and the ray crosses it twice. At a corner that is all they share, the ray must pass through it.
+    /// Two triangles on opposite sides of a shared edge, as seen along the ray, can both be hit only where the ray passes through that
+    /// edge, to within rounding; no tolerance is needed. If they lie on the same side, the surface is folded and the ray crosses it
+    /// twice. If they share only a corner, the ray must pass through that corner.
     fn is_same_crossing(&self, other: &Self) -> bool {
         let mut shared = [(0, 0); 3];
         let mut count = 0;
@@ -90,8 +90,7 @@ impl Facet {
         }
     }
 
-    /// Whether the ray passes through `corner`, to within the rounding of Embree's test, which moves corners to the
-    /// ray's origin.
+    /// Whether the ray passes through `corner`, to within the rounding of Embree's test, which moves corners to the ray's origin.
     fn passes_through(&self, corner: DVec3) -> bool {
         const ROUNDINGS: f64 = 16.0;
         let offset = corner - self.origin;
@@ -106,8 +105,8 @@ fn point(corner: [f32; 3]) -> DVec3 {
 }
 
 impl Scene {
-    /// Every crossing of `ray`, whose direction must have unit length, with a surface, in order; a crossing at an edge
-    /// or corner that triangles of a mesh share counts once. [`Scene::interaction`] tells more of each.
+    /// Finds every crossing of `ray`, whose direction must have unit length, with a surface, in order. A crossing at an edge or corner
+    /// that triangles of a mesh share counts once. [`Scene::interaction`] gives the details of a crossing.
     pub fn intersect_all(&self, ray: &Ray, crossings: &mut Crossings) {
         let Crossings { found, kept, facets, merged } = crossings;
         self.embree().intersect_all(ray, found);
@@ -121,7 +120,7 @@ impl Scene {
         facets.clear();
         facets.extend(hits.iter().map(|hit| self.facet(ray, hit)));
         for (i, hit) in hits.iter().enumerate() {
-            // Whatever this hit is one with lies before it by no more than that triangle's extent.
+            // A hit of the same crossing precedes this one by at most the extent of the triangles.
             let is_new = facets[i].is_none_or(|facet| {
                 !(0..i).rev().any(|j| {
                     let is_same_mesh = hits[j].geometry == hit.geometry && hits[j].instance == hit.instance;

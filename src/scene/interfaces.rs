@@ -1,4 +1,4 @@
-//! The medium stack at surfaces: which interface a ray meets within the bodies around it, and where it is behind that.
+//! Medium stack at surfaces: which interface a ray meets, given its medium stack, and the medium stack after it.
 
 use super::material::Material;
 use super::scene::{LightMedia, Scene};
@@ -15,14 +15,14 @@ use std::collections::BTreeSet;
 use std::sync::PoisonError;
 
 impl Scene {
-    /// Media on the near and far side of a hit, as its material states them; `None` where the surface bounds no media.
+    /// Media on the near and far side of a hit as declared by its material; `None` where the surface bounds no media.
     #[inline]
     fn stated_sides(&self, hit: &SurfaceInteraction) -> Option<[MediumId; 2]> {
         let [inside, outside] = self.material(hit).media()?;
         Some(if hit.is_front() { [outside, inside] } else { [inside, outside] })
     }
 
-    /// Media that are on the near and far side of a hit for a ray within `current`; `None` where the surface bounds no media.
+    /// Actual media on the near and far side of a hit for a ray within `current`; `None` where the surface bounds no media.
     #[inline]
     fn sides(&self, current: &MediumStack, hit: &SurfaceInteraction) -> Option<[MediumId; 2]> {
         let [near, far] = self.stated_sides(hit)?;
@@ -33,7 +33,7 @@ impl Scene {
         Some([crossing.before.medium(), crossing.after.medium()])
     }
 
-    /// What a ray within `current` crosses at a hit; `None` where the surface bounds no media.
+    /// Result of crossing an interface at a hit, for a ray within `current`; `None` where the surface bounds no media.
     fn crossing(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<Crossing> {
         let [near, far] = self.stated_sides(hit)?;
         let crossing = if hit.borders.is_empty() {
@@ -49,19 +49,20 @@ impl Scene {
 
     #[cold]
     fn note_overfull(&self, crossing: &Crossing, entered: MediumId) {
-        // What is in there is whole whatever a thread that had it did.
+        // The set stays valid even if a thread panicked while it held the lock.
         let mut overfull = self.overfull.lock().unwrap_or_else(PoisonError::into_inner);
         overfull.extend(crossing.before.media().chain(Some(entered).filter(|&id| id != AIR)));
     }
 
-    /// Names of the media of bodies that rays found overlapping at one place, where those were more than
-    /// [`crate::media::MOST_MEDIA`] and could not all be followed. Empty where that did not happen.
+    /// Names of the media of bodies that overlap at places where rays found more than [`crate::media::MOST_MEDIA`] of them, which is
+    /// more than can be followed. Empty where that did not happen.
     pub fn overfull(&self) -> Vec<&str> {
         let overfull = self.overfull.lock().unwrap_or_else(PoisonError::into_inner);
         overfull.iter().map(|&id| self.medium(id).name.as_str()).collect()
     }
 
-    /// [`Self::crossing`] for what passes the place of a hit whatever is there: also borders that an opaque surface covers.
+    /// [`Self::crossing`] for rays that pass the place of a hit regardless of its surface; includes interfaces that an opaque surface
+    /// covers.
     #[inline]
     fn crossing_behind(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<Crossing> {
         if hit.borders.is_empty() {
@@ -70,9 +71,9 @@ impl Scene {
         hit.borders.crossing(current, &self.parts.media)
     }
 
-    /// [`Self::intersect`] for a ray within `current`, which passes the borders of bodies that are not there because another
-    /// one fills the place. `current` is then where the ray arrives; the distance is that of the whole way. And whether
-    /// there were such borders.
+    /// [`Self::intersect`] for a ray within `current` that passes hidden interfaces: those of bodies that another body displaces.
+    /// Updates `current` to the medium stack at the hit. The distance is that of the whole path. Also returns whether hidden interfaces
+    /// were passed.
     #[inline]
     pub fn intersect_within(
         &self,
@@ -86,7 +87,7 @@ impl Scene {
         }
     }
 
-    /// Where a ray is behind a border that is not there; `None` for all other surfaces.
+    /// Medium stack after a hidden interface; `None` for all other surfaces.
     #[inline]
     pub fn hidden(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<MediumStack> {
         let [near, far] = self.sides(&current, hit)?;
@@ -96,8 +97,8 @@ impl Scene {
         self.crossing(current, hit).map(|crossing| crossing.after)
     }
 
-    /// Where a ray is behind an interface that is no surface: one that [`Self::hidden`] tells, or a smooth one between media of one index of
-    /// which one scatters, as the border of a fog. `None` for all other surfaces.
+    /// Medium stack after a null interface: a hidden interface (see [`Self::hidden`]), or a smooth one between media of the same index
+    /// of refraction of which at least one scatters, such as the boundary of a fog. `None` for all other surfaces.
     pub fn null_interface(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<MediumStack> {
         let [near, far] = self.sides(&current, hit)?;
         let [a, b] = [near, far].map(|id| self.medium(id));
@@ -117,7 +118,7 @@ impl Scene {
         after: MediumStack,
         current: &mut MediumStack,
     ) -> Option<(SurfaceInteraction, bool)> {
-        // More than that is a ray that does not get on.
+        // Limit that stops rays which do not advance.
         const BORDERS: u32 = 1000;
         *current = after;
         for _ in 0..BORDERS {
@@ -132,8 +133,8 @@ impl Scene {
         None
     }
 
-    /// BSDF and frame at a hit of a ray within `current`: where bodies overlap, an interface is one between what is really on
-    /// both of its sides.
+    /// BSDF and frame at a hit of a ray within `current`. Where bodies overlap, the interface separates the media that are actually on
+    /// both sides of it.
     #[inline]
     pub fn shading_within(&self, hit: &SurfaceInteraction, current: MediumStack) -> Shading {
         let material = self.material(hit);
@@ -147,8 +148,8 @@ impl Scene {
         hit.shading_between(material, Some(Dielectric::new(ior(outside), ior(inside))))
     }
 
-    /// Where a ray is after scattering from within `current` into `direction`; `None` where by rounding the direction is
-    /// on the other side of the surface than it was drawn for.
+    /// Medium stack after scattering from within `current` into `direction`. `None` where, by rounding, the direction is on the other
+    /// side of the surface than the one it was sampled for.
     #[inline]
     pub fn medium_after(
         &self,
@@ -168,8 +169,8 @@ impl Scene {
         Some(self.crossing_behind(current, hit).map_or(current, |crossing| crossing.after))
     }
 
-    /// Where a ray is that meets the border of a body from inside without having entered it, as the border says; `None` where
-    /// it is within `current` by all that the hit tells. The scene's interfaces contradict each other then.
+    /// Medium stack that an interface implies if a ray meets it from inside a body that the ray has not entered; `None` where the
+    /// interface is consistent with `current`. An inconsistency means that the scene's interfaces contradict each other.
     #[inline]
     pub fn mismatch(&self, hit: &SurfaceInteraction, current: MediumStack) -> Option<MediumStack> {
         if hit.borders.is_empty() && current.is_within(self.stated_sides(hit)?[0]) && !current.is_full() {
@@ -180,20 +181,20 @@ impl Scene {
         Some(crossing.before)
     }
 
-    /// Names of the surfaces at which [`Self::mismatch`] found most of what contradicts, the worst first.
+    /// Names of the surfaces at which [`Self::mismatch`] found most of the contradictions, the worst first.
     pub fn mismatched(&self) -> Vec<&str> {
         let names = self.misfits.worst().into_iter().map(|id| self.parts.surfaces[id as usize].name.as_str());
         let mut seen = BTreeSet::new();
         names.filter(|name| seen.insert(*name)).collect()
     }
 
-    /// The bodies around `point`, by asking rays in many directions which they leave: the majority decides. None where no ray
-    /// meets an interface.
+    /// The bodies that contain `point`: the majority over rays in many directions, each of which yields the bodies that it leaves. Air
+    /// where no ray meets an interface.
     pub fn medium_at(&self, point: Vec3) -> MediumStack {
         self.medium_around(&[(point, Vec3::ZERO)]).0
     }
 
-    /// The bodies that each light is in.
+    /// The bodies that contain each light.
     pub fn light_media(&self) -> &[LightMedia] {
         self.light_media.get_or_init(|| {
             let of_light = |light: &Light| {
@@ -207,8 +208,8 @@ impl Scene {
         })
     }
 
-    /// [`Self::medium_at`] by the votes of all `points`, each by rays on the side of its normal where that is not zero; and
-    /// whether more than a quarter of the votes that were cast are for others.
+    /// [`Self::medium_at`] by the majority over rays from all `points`, each sent to the side of the point's normal unless that is zero.
+    /// Also returns whether more than a quarter of the votes differ from the majority.
     pub fn medium_around(&self, points: &[(Vec3, Vec3)]) -> (MediumStack, bool) {
         const RAYS: u32 = 32;
         if !self.has_interfaces {
@@ -229,15 +230,15 @@ impl Scene {
             }
         }
         let all: u32 = votes.iter().map(|(_, count)| count).sum();
-        // Of equals the first, which is that of the first ray.
+        // With equal counts, the stack that was found first wins.
         let best = votes.iter().rev().max_by_key(|(_, count)| count);
         best.map_or((MediumStack::AIR, false), |&(found, count)| (found, 4 * (all - count) > all))
     }
 
-    /// The bodies that a ray leaves without having entered them; `None` where it meets no interface. Opaque surfaces do not
-    /// bound media and are passed.
+    /// The bodies that a ray leaves without having entered them; `None` where it meets no interface. Opaque surfaces do not bound media
+    /// and are passed.
     fn left_along(&self, mut ray: Ray) -> Option<MediumStack> {
-        // A ray that crosses more surfaces than this says nothing; the others decide.
+        // A ray that crosses more surfaces than this has no vote.
         const CROSSINGS: u32 = 1000;
         let (mut start, mut at, mut found) = (MediumStack::AIR, MediumStack::AIR, false);
         for _ in 0..CROSSINGS {
@@ -248,7 +249,7 @@ impl Scene {
             for (near, far) in alone.into_iter().chain(hit.borders.each()) {
                 let crossing = at.crossing(near, far, &self.parts.media);
                 found = true;
-                // A border that names both media says what fills the place, which is a contradiction within another body.
+                // An interface that names both media declares which medium fills the place; within another body that is a contradiction.
                 if !crossing.fits && crossing.before != at && (far == AIR || at == MediumStack::AIR) {
                     start = start.crossing(AIR, near, &self.parts.media).after;
                 }

@@ -1,4 +1,4 @@
-//! Materials whose parameters come from pictures and from the vertices of meshes, resolved where a surface is hit.
+//! Layered materials, whose parameters come from images and from the vertices of meshes and are evaluated at each hit.
 
 use super::parts::Mesh;
 use super::surface::{Placement, SurfaceInteraction};
@@ -9,28 +9,28 @@ use crate::textures::{Glow, TextureSlot, VertexData};
 use glam::{Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// How much of a surface is there.
+/// How alpha determines whether the surface is present.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Coverage {
-    /// All of it.
+    /// The surface is present everywhere.
     #[default]
     Whole,
-    /// Where alpha is at least this.
+    /// The surface is present where alpha is at least this value.
     Mask(f32),
-    /// The share alpha of the rays meet it.
+    /// Alpha is the share of rays that hit the surface.
     Blend,
 }
 
-/// A material of glTF: factors, and textures that multiply them.
+/// A glTF material: factors, and textures that multiply them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LayeredMaterial {
-    /// The factors. The roughnesses in here are not used: [`Self::roughness`] and [`Self::coat_roughness`] are.
+    /// The factors. Their roughnesses are not used; [`Self::roughness`] and [`Self::coat_roughness`] replace them.
     pub factors: LayeredParameters,
     /// Alpha of the base colour.
     pub alpha: f32,
-    /// What alpha means.
+    /// How alpha is interpreted.
     pub coverage: Coverage,
-    /// `roughnessFactor`, the square root of the slope of facets.
+    /// `roughnessFactor`, the square root of the slope of the microfacets.
     pub roughness: f32,
     /// `clearcoatRoughnessFactor`.
     pub coat_roughness: f32,
@@ -38,7 +38,7 @@ pub struct LayeredMaterial {
     pub anisotropy: [f32; 2],
     /// Factors on the slopes of the normals of base and coat.
     pub normal_scales: [f32; 2],
-    /// Whether colours of vertices multiply the base colour.
+    /// Whether vertex colours multiply the base colour.
     pub coloured: bool,
     /// Base colour and alpha.
     pub base: Option<TextureSlot>,
@@ -60,14 +60,14 @@ pub struct LayeredMaterial {
     pub coat_roughness_map: Option<TextureSlot>,
     /// Normals of the coat.
     pub coat_normal: Option<TextureSlot>,
-    /// What dims the emission; whether colours of vertices do as well.
+    /// Texture that multiplies the emission.
     pub emission: Option<TextureSlot>,
-    /// Shows its base colour whatever the light: emits it, and reflects nothing.
+    /// The material shows its base colour independently of the light: it emits the colour and reflects nothing.
     pub unlit: bool,
 }
 
 impl Default for LayeredMaterial {
-    /// The default material of glTF: white metal, rough.
+    /// The default material of glTF: rough white metal.
     fn default() -> Self {
         Self {
             factors: LayeredParameters::default(),
@@ -94,18 +94,18 @@ impl Default for LayeredMaterial {
     }
 }
 
-/// What a material became at a hit.
+/// A layered material evaluated at a hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painted {
-    /// The model; its coat's normal is set with the frame.
+    /// The BSDF model; the normal of its coat is set together with the frame.
     pub bsdf: Layered,
-    /// Along the surface, not of unit length; zero where nothing depends on it.
+    /// Tangent along the surface, not of unit length; zero where nothing depends on it.
     pub tangent: Vec3,
-    /// Normal of the coat, unit length, on the side of the surface's own; `None` where it follows the base.
+    /// Unit normal of the coat, on the side of the surface's own normal; `None` where the coat follows the base.
     pub coat_normal: Option<Vec3>,
 }
 
-/// The place of a hit on its mesh.
+/// The point of a hit on its mesh.
 pub(super) struct Site<'a> {
     pub mesh: &'a Mesh,
     pub data: &'a VertexData,
@@ -115,7 +115,7 @@ pub(super) struct Site<'a> {
     pub uv: [f32; 2],
     /// Width of a pixel at distance 1.
     pub pixel: f32,
-    /// The surface's normal is the opposite of the mesh's.
+    /// Whether the surface's normal is opposite to the mesh's.
     pub flipped: bool,
 }
 
@@ -135,9 +135,10 @@ impl Site<'_> {
     }
 }
 
-/// The share of a picture, 1 being all of it, that a pixel covers; of the coordinates of the set that `slot` reads.
+/// Footprint of a pixel in texture space: the share of an image that a pixel covers (1 for the whole image), for the coordinate set that
+/// a slot reads.
 struct Footprint {
-    /// Area that a pixel covers over that of the triangle's parallelogram.
+    /// Area that a pixel covers over the area of the triangle's parallelogram.
     share: f32,
     corners: [[Vec2; 2]; 3],
     sets: [Vec2; 2],
@@ -164,14 +165,14 @@ impl Footprint {
     }
 }
 
-/// Slopes along the tangent and across it from a roughness and a strength of anisotropy (KHR_materials_anisotropy).
+/// Slopes of the microfacets along the tangent and across it, from a roughness and a strength of anisotropy (KHR_materials_anisotropy).
 fn slopes(roughness: f32, strength: f32) -> [f32; 2] {
     let across = roughness * roughness;
     [across + (1.0 - across) * strength * strength, across]
 }
 
 impl LayeredMaterial {
-    /// The textures, as far as there are any.
+    /// All textures that the material has.
     pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
         let slots = [
             &self.base,
@@ -189,12 +190,13 @@ impl LayeredMaterial {
         slots.into_iter().flatten()
     }
 
-    /// True where nothing is looked up at a hit.
+    /// Whether the material is the same everywhere, so that no texture or vertex data is looked up at hits.
     pub fn is_even(&self) -> bool {
         self.slots().next().is_none() && !self.coloured && self.anisotropy[0] == 0.0
     }
 
-    /// What decides what is built for a scene: the model with every part that it has somewhere, as smooth as anywhere.
+    /// A model that represents the material in the decisions about what is built for a scene: it has every part that the material has
+    /// anywhere, with the smallest roughness.
     pub fn representative(&self) -> Layered {
         if self.unlit {
             return Layered::new(&LayeredParameters {
@@ -222,7 +224,7 @@ impl LayeredMaterial {
         })
     }
 
-    /// The material at a hit.
+    /// Evaluates the material at a hit.
     pub(super) fn apply(&self, hit: &mut SurfaceInteraction, site: &Site<'_>) {
         let triangle = site.triangle();
         let look = Footprint::of(site, hit.distance);
@@ -277,12 +279,12 @@ impl LayeredMaterial {
         hit.painted = Some(Painted { bsdf, tangent, coat_normal });
     }
 
-    /// Whether the border of a medium is what it describes.
+    /// Whether the material describes an interface between media.
     pub fn is_interface(&self) -> bool {
         matches!(self.factors.body, Body::Interface(_))
     }
 
-    /// Whether rays pass the material in places, or some of them.
+    /// Whether rays can pass through the material, everywhere or in places.
     pub fn has_holes(&self) -> bool {
         match self.coverage {
             Coverage::Whole => false,
@@ -294,8 +296,8 @@ impl LayeredMaterial {
     }
 }
 
-/// Unit tangent and bitangent in the surface, orthogonal to the unit `normal` (of the surface's own side): those of the file,
-/// or along the coordinates that `slot` reads (or the first set). The bitangent points to where the picture has its top.
+/// Unit tangent and bitangent in the surface, orthogonal to the unit `normal` (on the surface's own side). They come from the file, or
+/// else follow the coordinates that `slot` reads (or the first set). The bitangent points to the top of the image.
 fn tangents(
     site: &Site<'_>,
     hit: &SurfaceInteraction,
@@ -304,7 +306,7 @@ fn tangents(
 ) -> (Vec3, Vec3) {
     let triangle = site.triangle();
     let within = |v: Vec3| unit(v - normal * normal.dot(v));
-    // A surface that is turned inside out keeps its picture: the normal of the mesh decides.
+    // The image stays the same on a surface that is turned inside out, because the normal of the mesh decides.
     let own = if site.flipped { -normal } else { normal };
     if let Some((tangent, sign)) = site.data.tangent(triangle, site.uv)
         && let Some(tangent) = within(site.to_world(tangent))
@@ -322,7 +324,7 @@ fn tangents(
     match unit(along_u).and_then(within) {
         Some(tangent) => {
             let bitangent = own.cross(tangent);
-            // v runs downwards in the picture.
+            // v increases downwards in the image.
             (tangent, if bitangent.dot(along_v) > 0.0 { -bitangent } else { bitangent })
         }
         None => {
@@ -333,7 +335,7 @@ fn tangents(
     }
 }
 
-/// The normal that a texel of a normal map means; `None` where it is no direction, or lies below the surface.
+/// The normal that a texel of a normal map encodes; `None` where it is no direction or lies below the surface.
 fn perturbed(
     site: &Site<'_>,
     hit: &SurfaceInteraction,
@@ -348,7 +350,7 @@ fn perturbed(
     unit(tangent * x + bitangent * y + normal * local.z).filter(|n| n.dot(hit.point.normal) > 0.0)
 }
 
-/// Where a mesh of a material with holes is.
+/// Alpha test for a mesh whose material has holes.
 #[derive(Debug)]
 pub struct AlphaCutout {
     material: Arc<LayeredMaterial>,
@@ -357,7 +359,7 @@ pub struct AlphaCutout {
 }
 
 impl AlphaCutout {
-    /// For a mesh with these buffers and vertices.
+    /// The alpha test for a mesh with these buffers and vertices.
     pub fn new(material: Arc<LayeredMaterial>, data: Arc<VertexData>, buffers: TriangleBuffers) -> Self {
         Self { material, data, buffers }
     }
@@ -382,7 +384,7 @@ impl Cutout for AlphaCutout {
     }
 }
 
-/// What dims the emission of a material on a mesh; `None` where nothing does.
+/// Emission texture of a material on a mesh; `None` where nothing modulates the emission.
 pub fn glow_of(material: &LayeredMaterial, data: &Arc<VertexData>) -> Option<Glow> {
     let (slot, coloured) =
         if material.unlit { (&material.base, material.coloured) } else { (&material.emission, false) };

@@ -1,3 +1,5 @@
+//! Materials: what surfaces are made of, and the BSDFs and media that follow from it.
+
 use crate::bsdf::{Bsdf, Dielectric, Lambert, Layered, Mirror, RoughDielectric};
 use crate::math::Rgb;
 use crate::media::{AIR, Medium, MediumId};
@@ -38,11 +40,11 @@ pub enum Material {
         /// The interface itself.
         interface: RoughDielectric,
     },
-    /// The material of glTF; where its parameters vary, this is what of it is anywhere.
+    /// The material of glTF; where its parameters vary, this represents all of its parts.
     Layered {
         /// The model.
         bsdf: Layered,
-        /// Media on the side away from the normal and on the side of the normal, where it is the border between them.
+        /// Media on the side away from the normal and on the side of the normal, where the surface is an interface between them.
         media: Option<[MediumId; 2]>,
     },
     /// Schlick's or Ward's model, or a metal.
@@ -51,7 +53,7 @@ pub enum Material {
         bsdf: Bsdf,
         /// Whether the back reflects as well.
         two_sided: bool,
-        /// How an anisotropic model lies in the surface.
+        /// Orientation of an anisotropic model in the surface.
         tangent: Option<Tangent>,
     },
 }
@@ -59,14 +61,14 @@ pub enum Material {
 /// The direction along an anisotropic surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tangent {
-    /// A direction, projected into the surface.
+    /// A direction, projected onto the surface.
     Along(Vec3),
-    /// Around an axis, as of something turned on a lathe.
+    /// Around an axis, as for an object turned on a lathe.
     Around(Vec3),
 }
 
 impl Tangent {
-    /// The direction at a place with this normal, not of unit length; may be zero.
+    /// The direction at a position with this normal; not of unit length and possibly zero.
     #[inline]
     pub fn at(&self, normal: Vec3) -> Vec3 {
         match *self {
@@ -77,8 +79,8 @@ impl Tangent {
 }
 
 impl Material {
-    /// The BSDF for a ray that arrives on the `front` (the side of the normal) or the back; and whether its frame keeps
-    /// the side of the normal instead of turning to the ray.
+    /// The BSDF for a ray that arrives on the `front` (the side of the normal) or on the back; and whether its frame keeps the side of
+    /// the normal instead of turning to the ray.
     #[inline]
     pub(super) fn bsdf(&self, front: bool) -> (Bsdf, bool) {
         match *self {
@@ -114,7 +116,7 @@ impl Material {
         )
     }
 
-    /// How an anisotropic model lies in the surface; `None` where nothing depends on it.
+    /// Orientation of an anisotropic model in the surface; `None` where nothing depends on it.
     #[inline]
     pub(super) fn tangent(&self) -> Option<Tangent> {
         match *self {
@@ -123,14 +125,14 @@ impl Material {
         }
     }
 
-    /// The medium on the side that a ray travels on after the surface: `front` is the side of the normal. `None` for
-    /// opaque materials, which do not bound media.
+    /// The medium in which a ray continues after the surface, by the side on which it continues: `front` is the side of the normal.
+    /// `None` for opaque materials, which do not bound media.
     #[inline]
     pub fn medium_on(&self, front: bool) -> Option<MediumId> {
         self.media().map(|[inside, outside]| if front { outside } else { inside })
     }
 
-    /// The media inside and outside, of which the surface is the border. `None` for opaque materials.
+    /// The media inside and outside, if the surface is an interface between them. `None` for opaque materials.
     #[inline]
     pub fn media(&self) -> Option<[MediumId; 2]> {
         match *self {
@@ -142,7 +144,7 @@ impl Material {
         }
     }
 
-    /// What it is, in words; `media` are those of its scene.
+    /// Description of the material in words; `media` are those of its scene.
     pub fn describe(&self, media: &[Medium]) -> String {
         let border = |[inside, outside]: [MediumId; 2]| {
             let medium = |id: MediumId| match media.get(id as usize) {
@@ -169,36 +171,35 @@ impl Material {
         if lobes.is_empty() { kind } else { format!("{kind}, {}", lobes.join(" and ")) }
     }
 
-    /// True where photons are stored and maps are asked.
+    /// Whether photons are stored on it and maps are read.
     pub fn has_diffuse(&self) -> bool {
         self.front_bsdf().has_diffuse()
     }
 
-    /// True where light is reflected or refracted by a highly glossy lobe, which is followed by distribution rays.
+    /// Whether it reflects or refracts light by a highly glossy lobe, which distribution rays follow.
     pub fn has_glossy(&self) -> bool {
         self.front_bsdf().has_glossy()
     }
 
-    /// True where light is mirrored or refracted ideally: what no shadow ray passes, and no light can be sampled through.
+    /// Whether it reflects or refracts light ideally: no shadow ray passes it, and no light can be sampled through it.
     pub fn has_specular(&self) -> bool {
         self.front_bsdf().has_specular()
     }
 
-    /// True where light is mirrored or refracted, ideally or highly glossy: what makes caustics.
+    /// Whether it reflects or refracts light ideally or highly glossily, which makes it a caustic caster.
     pub fn is_specular(&self) -> bool {
         self.specularity() > 0.0
     }
 
-    /// Largest share of the light that is mirrored or refracted, ideally or highly glossy, near normal incidence: what
-    /// decides whether a surface casts caustics, and how many photons are aimed at it (Jensen & Christensen 1995,
-    /// section 3).
+    /// Largest share of the light that is reflected or refracted, ideally or highly glossily, near normal incidence. It decides whether
+    /// a surface casts caustics, and how many photons are aimed at it (Jensen & Christensen 1995, section 3).
     pub fn specularity(&self) -> f32 {
         let bsdf = self.front_bsdf();
         if !(bsdf.has_specular() || bsdf.has_glossy()) {
             return 0.0;
         }
         let [_, glossy, specular] = bsdf.lobe_weights(glam::Vec3::Z);
-        // A lobe that is there and reflects next to nothing at this incidence still casts.
+        // A lobe that reflects almost nothing at this incidence still casts caustics.
         (glossy + specular).clamp(1e-3, 1.0)
     }
 }

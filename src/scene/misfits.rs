@@ -1,14 +1,14 @@
-//! Surfaces whose interfaces contradict the bodies that rays are in, counted for a warning that names them.
+//! Misfits: surfaces whose interfaces contradict the medium stacks of rays, counted for a warning that names them.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Counting ends here: which surfaces are worth a word is known by then, and threads no longer wait for one another.
+/// Counting stops at this number: by then it is known which surfaces to report, and threads no longer contend for the counters.
 const ENOUGH: u32 = 1 << 16;
 
-/// Surfaces met less often than the worst divided by this are left out: rounding makes a few of them anywhere.
+/// A surface is left out if its count times this is below the worst count: rounding causes a few contradictions anywhere.
 const LEAST_SHARE: u32 = 10;
 
-/// How often each surface was met from inside a body that the ray had not entered.
+/// For each surface, how often a ray met it from inside a body that the ray had not entered.
 #[derive(Debug, Default)]
 pub(super) struct Misfits(Vec<AtomicU32>);
 
@@ -26,7 +26,7 @@ impl Misfits {
         }
     }
 
-    /// The surfaces that make up most of it, the worst first.
+    /// The surfaces with most of the contradictions, the worst first.
     pub(super) fn worst(&self) -> Vec<u32> {
         let counts: Vec<u32> = self.0.iter().map(|count| count.load(Ordering::Relaxed).min(ENOUGH)).collect();
         let most = counts.iter().copied().max().unwrap_or(0);
@@ -50,7 +50,7 @@ mod tests {
             (0..times).for_each(|_| misfits.note(surface));
         }
         assert_eq!(misfits.worst(), [2, 3]);
-        // Numbers of surfaces that there are not do no harm, nor do very many.
+        // Numbers of unknown surfaces do no harm, and neither do very large counts.
         misfits.note(9);
         (0..3 * ENOUGH).for_each(|_| misfits.note(1));
         assert_eq!(misfits.worst(), [1]);

@@ -1,4 +1,4 @@
-//! What a scene is made of: surfaces and their geometry, and the list of all parts.
+//! Parts of a scene: surfaces with their geometry, and the list of all parts.
 
 use super::illuminated::IlluminatedShape;
 use super::material::Material;
@@ -13,14 +13,14 @@ use crate::textures::VertexData;
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Triangles with what shading needs beyond their corners.
+/// Triangles, with the vertex data that shading needs.
 #[derive(Clone, Debug)]
 pub struct Mesh {
     /// Corners.
     pub buffers: TriangleBuffers,
     /// Unit normals at the vertices, for interpolation; `None` for flat shading.
     pub normals: Option<Arc<Vec<Vec3>>>,
-    /// What textures need at the vertices, where the material has some.
+    /// Vertex data of textures, where the material has some.
     pub data: Option<Arc<VertexData>>,
 }
 
@@ -39,7 +39,7 @@ impl Mesh {
     }
 }
 
-/// What Embree knows about a surface.
+/// Geometry of a surface, as given to Embree.
 #[derive(Clone, Debug)]
 pub enum Geometry {
     /// Triangles.
@@ -48,34 +48,34 @@ pub enum Geometry {
     Procedural(Arc<dyn Procedural>),
 }
 
-/// A surface: geometry and what it is made of.
+/// A surface: geometry and material.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Name in the scene file, and where it stands there, for messages.
+    /// Name in the scene file, including its place there, for messages.
     pub name: String,
     /// Geometry.
     pub geometry: Geometry,
-    /// The normal is the opposite of the geometry's own.
+    /// Whether the normal is opposite to the geometry's own.
     pub flip_normal: bool,
     /// Index into [`Scene::materials`].
     pub material: u32,
-    /// The same for each part of an object whose parts differ; empty where they do not.
+    /// Materials by part, for an object whose parts differ; empty where they do not.
     pub part_materials: Vec<u32>,
-    /// The light that this surface is, if it emits.
+    /// The light that the surface is part of, if it emits.
     pub light: Option<LightId>,
-    /// Where photons are summed up in an illumination map instead of being kept in photon maps.
+    /// Coordinates of an illumination map, which sums up photons instead of storing them in photon maps.
     pub illumination: Option<Arc<IlluminatedShape>>,
 }
 
 impl Surface {
-    /// All materials that the surface has somewhere.
+    /// All materials that occur on the surface.
     pub fn all_materials(&self) -> impl Iterator<Item = u32> + '_ {
         let own = self.part_materials.is_empty().then_some(self.material);
         own.into_iter().chain(self.part_materials.iter().copied())
     }
 }
 
-/// What stands behind a geometry number of the top-level Embree scene.
+/// What a geometry number of the top-level Embree scene refers to.
 #[derive(Clone, Debug)]
 pub enum Node {
     /// A surface in render space: index into [`Scene::surfaces`].
@@ -84,20 +84,20 @@ pub enum Node {
     Instance {
         /// Surface of the prototype's geometry 0.
         first: u32,
-        /// Where it stands.
+        /// Transform of the instance.
         placement: Box<Placement>,
     },
 }
 
-/// A sphere around a surface, as projection maps see it.
+/// Bounding sphere of a surface, as used by projection maps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// Centre.
     pub center: Vec3,
-    /// Radius, with room for the rounding of the surface.
+    /// Radius, including room for the rounding of the surface.
     pub radius: f32,
-    /// How dense caustic photons are to be in the directions of this surface: its specularity times what the scene file
-    /// asks for. Zero for what casts no caustics.
+    /// Relative density of caustic photons towards this surface: its specularity times the factor in the scene file. Zero for surfaces
+    /// that cast no caustics.
     pub density: f32,
     /// Index into [`Scene::surfaces`].
     pub surface: u32,
@@ -106,18 +106,18 @@ pub struct Target {
 }
 
 impl Target {
-    /// A sphere that casts no caustics, of surface 0, and the box around it.
+    /// A sphere with its bounding box, as surface 0; it casts no caustics.
     pub fn of_sphere(center: Vec3, radius: f32) -> Self {
         Self { center, radius, density: 0.0, surface: 0, bounds: [center - radius, center + radius] }
     }
 }
 
-/// What is known of a light beside what it emits.
+/// Data of a light beside its emission.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightNote {
     /// Name in the scene file, for messages.
     pub name: String,
-    /// Photons in proportion to other lights of the same flux; positive.
+    /// Relative number of photons, compared with other lights of the same flux; positive.
     pub photons: f32,
 }
 
@@ -128,26 +128,26 @@ pub struct SceneParts {
     pub name: String,
     /// The committed top-level scene.
     pub embree: CommittedScene,
-    /// By geometry number of `embree`.
+    /// Surface or instance by geometry number of `embree`.
     pub nodes: Vec<Node>,
     /// All surfaces.
     pub surfaces: Vec<Surface>,
     /// Materials and their names.
     pub materials: Vec<(String, Material)>,
-    /// Textures by material; may be shorter than the materials, and empty where there are none.
+    /// Textures by material; may be shorter than the list of materials, and empty where there are none.
     pub textures: Vec<MaterialTexture>,
     /// Media; the first is air.
     pub media: Vec<Medium>,
     /// Lights.
     pub lights: Vec<Light>,
-    /// Map to the world.
+    /// Transform between world and render space.
     pub space: RenderSpace,
     /// Bounds of all surfaces in render space: centre and radius.
     pub bounds: (Vec3, f32),
-    /// Spheres around the surfaces in render space: what photons are aimed at.
+    /// Bounding spheres of the surfaces in render space, at which photons are aimed.
     pub targets: Vec<Target>,
-    /// By light: name in the scene file, and photons in proportion to others of the same flux.
+    /// For each light, its name in the scene file and its relative number of photons.
     pub light_notes: Vec<LightNote>,
-    /// Width of a pixel of the picture at distance 1: how fine textures are read. 0 for as fine as they are.
+    /// Width of a pixel of the image at distance 1, which selects the resolution of textures. Zero selects the full resolution.
     pub pixel: f32,
 }

@@ -1,5 +1,5 @@
-//! What a scene requires, decided in one place, with reasons in words.
-// A new choice of a setting does not compile until each match says what it means there.
+//! Render plan: what is built for a scene and an integrator, decided in one place, with reasons in words.
+// A new variant of a setting does not compile until every match handles it.
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 use super::{Geometry, Material, Scene};
@@ -9,15 +9,15 @@ use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
 use serde::Serialize;
 use std::fmt;
 
-/// More lamps than these are not looked for in glass and mirrors, where each is looked at by itself.
+/// Largest number of emitters for which glints are searched, because each of them is searched by itself.
 const MOST_SEARCHED: usize = 256;
 
 impl ShadowMode {
-    /// Whether shadow photons answer for `light`.
+    /// Whether shadow photons decide visibility for `light`.
     ///
-    /// `AsPrinted` asks them for all lights that shine from somewhere, as the paper does. `Bounded` asks them for lights
-    /// with a size alone: at the sharp edge of a point light's shadow a wrong answer would be wrong by all of the light,
-    /// and one ray is the exact answer.
+    /// `AsPrinted` uses them for all lights that shine from a position, as the paper does. `Bounded` uses them only for lights of finite
+    /// size: at the sharp edge of a point light's shadow a wrong decision would be wrong by all of the light, and a single ray gives the
+    /// exact answer.
     pub fn serves(self, light: &Light) -> bool {
         match (self, light) {
             (Self::Off, _) | (_, Light::Environment(_)) => false,
@@ -28,12 +28,12 @@ impl ShadowMode {
     }
 }
 
-/// Whether something is built, and why.
+/// Whether something is built, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Decision {
     /// Built or left out.
     pub build: bool,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
@@ -53,7 +53,7 @@ impl fmt::Display for Decision {
     }
 }
 
-/// What is built for one scene and one integrator. What is left out costs no memory and no time.
+/// What is built for one scene and one integrator. Whatever is left out costs no memory and no time.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct RenderPlan {
     /// The map of all photons on diffuse surfaces.
@@ -64,23 +64,23 @@ pub struct RenderPlan {
     pub final_gather: Decision,
     /// Distribution rays from highly glossy surfaces.
     pub glossy_sampling: Decision,
-    /// Indirect light of Lambertian surfaces, gathered at few places and interpolated.
+    /// Irradiance cache: indirect light of Lambertian surfaces, gathered at a few places and interpolated.
     pub irradiance_cache: Decision,
-    /// Distributions of directions, made of photons, to draw gather rays and paths from.
+    /// Directional distributions made from photons, which guide the sampling of gather rays and paths.
     pub guide: Decision,
     /// Shadow rays to sampled points of lights.
     pub light_sampling: Decision,
     /// BSDF-sampled rays that complete light sampling by multiple importance sampling.
     pub bsdf_sampling: Decision,
-    /// Shadow rays in place of photons for the direct light of points where irradiance is precomputed.
+    /// Shadow rays instead of photons for the direct light of points with precomputed irradiance.
     pub direct_at_points: Decision,
-    /// Caustics precomputed at photons too, for what is seen blurred.
+    /// Caustics that are also precomputed at photons, for glossy and gather lookups.
     pub caustics_at_points: Decision,
-    /// Maps of direct and shadow photons, one for each light, that tell where shadow rays are not needed.
+    /// Maps of direct and shadow photons, one for each light, which decide where shadow rays are not needed.
     pub shadow_photons: Decision,
-    /// Photons shared out by what lights contribute to the picture.
+    /// Distribution of photons among the lights by their contribution to the image.
     pub photon_budget: Decision,
-    /// A search for lamps in glass and mirrors that are smaller than a pixel.
+    /// A search for glints: emitters in glass and mirrors whose image is smaller than a pixel.
     pub glints: Decision,
     /// Absorption along rays.
     pub absorption: Decision,
@@ -89,7 +89,7 @@ pub struct RenderPlan {
 }
 
 impl RenderPlan {
-    /// Decides. `show` is the map that [`IntegratorKind::Photons`] shows.
+    /// Makes the decisions. `show` is the map that [`IntegratorKind::Photons`] displays.
     pub fn new(scene: &Scene, integrator: IntegratorKind, show: MapKind) -> Self {
         let facts = Facts::of(scene);
         Self {
@@ -128,8 +128,8 @@ impl RenderPlan {
         }
     }
 
-    /// The same plan where so many `receivers` are asked for their irradiance, whatever they reflect: maps then are built for
-    /// them also where nothing else would read any.
+    /// The same plan for a measurement of the irradiance at `receivers` points. Their irradiance is needed whatever they reflect, so
+    /// that maps are built even where nothing else would read them.
     #[must_use]
     pub fn with_receivers(mut self, scene: &Scene, integrator: IntegratorKind, receivers: usize) -> Self {
         let mut facts = Facts::of(scene);
@@ -146,7 +146,7 @@ impl RenderPlan {
         self
     }
 
-    /// The same without the irradiance cache unless it is `wanted`.
+    /// The same plan, without the irradiance cache unless it is `wanted`.
     #[must_use]
     pub fn with_cache(mut self, wanted: bool) -> Self {
         if !wanted && self.irradiance_cache.build {
@@ -155,7 +155,7 @@ impl RenderPlan {
         self
     }
 
-    /// The same plan where irradiance is precomputed at photons for what ends a gather.
+    /// The same plan with irradiance precomputed at photons, for lookups at the ends of gather rays.
     #[must_use]
     pub fn with_precomputed(mut self, scene: &Scene, integrator: IntegratorKind, wanted: bool) -> Self {
         if !wanted || !self.final_gather.build {
@@ -185,7 +185,7 @@ impl RenderPlan {
         self
     }
 
-    /// The same plan where photons are asked to guide: paths then need the global map.
+    /// The same plan with guiding by photons; paths then need the global map.
     #[must_use]
     pub fn guided(mut self, scene: &Scene, integrator: IntegratorKind, guide: GuideKind) -> Self {
         if guide == GuideKind::None {
@@ -205,7 +205,7 @@ impl RenderPlan {
         self
     }
 
-    /// The same plan with shadow photons as asked for; `show` where photons are shown by class.
+    /// The same plan with shadow photons in the requested mode; `show` if photons are displayed by class.
     #[must_use]
     pub fn with_shadow_photons(mut self, scene: &Scene, mode: ShadowMode, show: bool) -> Self {
         let sized = scene.lights().iter().filter(|light| mode.serves(light)).count();
@@ -234,7 +234,7 @@ impl RenderPlan {
         self
     }
 
-    /// The same plan where lamps are to be looked for in glass and mirrors.
+    /// The same plan, with a search for glints if it is `wanted`.
     #[must_use]
     pub fn with_glints(mut self, scene: &Scene, integrator: IntegratorKind, wanted: bool) -> Self {
         let facts = Facts::of(scene);
@@ -262,7 +262,7 @@ impl RenderPlan {
         self
     }
 
-    /// Each decision with its name, for people.
+    /// Each decision with its name, for display.
     pub fn decisions(&self) -> [(&'static str, &Decision); 14] {
         [
             ("global photon map", &self.global_map),
@@ -283,7 +283,7 @@ impl RenderPlan {
     }
 }
 
-/// What the decisions depend on.
+/// Properties of the scene on which the decisions depend.
 struct Facts {
     lit: bool,
     diffuse: usize,

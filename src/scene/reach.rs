@@ -1,35 +1,35 @@
-//! How far a surface goes on around a place, and whether a free way leads from one place to another: what density estimates and
-//! precomputed irradiance ask before they use light from elsewhere.
+//! Extent of a surface around a point, and free paths between points: density estimates and precomputed irradiance test these before
+//! they use light from elsewhere.
 
 use super::scene::Scene;
 use super::surface::SurfaceInteraction;
 use crate::math::Ray;
 use glam::Vec3;
 
-/// How far from where it was found a surface may lie by rounding, render space, where no coordinate is much beyond one: what
-/// single precision resolves there, 64 times over.
+/// Rounding tolerance for the position of a surface, render space, where coordinates are about one at most: 64 times the resolution of
+/// single precision there.
 const ROUNDED: f32 = 64.0 * f32::EPSILON;
 
-/// A place just above a surface of which position and unit normal are known: by what rounding may do to the position, and to where
-/// a ray meets a triangle as large as the scene.
+/// A point just above a surface, given its position and unit normal. The height covers the rounding of the position and of an
+/// intersection with a triangle as large as the scene.
 fn off_surface(position: Vec3, normal: Vec3) -> Vec3 {
     position + normal * (f32::EPSILON * (2.0 + 8.0 * position.abs().max_element()))
 }
 
-/// Height over the distance of two places that a way between them has above their surfaces: 11 degrees. What is lower is passed
-/// over, as an obstacle that is small against the distance.
+/// Height of a path between two points above their surfaces, over the distance of the points: 11 degrees. Lower obstacles are small
+/// compared with the distance, and the path passes over them.
 const WAY_RISE: f32 = 0.2;
 
-/// Surfaces whose normals are this close count as one: 45 degrees, as for photons.
+/// Smallest cosine between the normals of points that count as the same surface: 45 degrees, as for photons.
 pub(super) const SAME_SURFACE_COS: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 impl Scene {
-    /// How far the surface at `position`, with the unit `normal`, goes on along the unit `tangent`, as seen from that
-    /// place: up to where something rises out of it, or where it ends. `None` where it goes on for `radius`.
+    /// Distance from `position` to where the surface with the unit `normal` ends along the unit `tangent`, as seen from that point:
+    /// where something rises out of it, or at its edge. `None` where it continues for `radius`.
     ///
-    /// One ray that comes down to the surface at the far end tells both in the open, from a height of `lift` in radii
-    /// ([`Self::feeler_lift`]). What rises less than that, and surfaces that face like this one within 45 degrees (its own
-    /// curvature), are passed over.
+    /// In open surroundings a single ray tests both. It starts at a height of `lift` in radii ([`Self::feeler_lift`]) and meets the
+    /// surface near the far end. The ray passes over anything lower than that. Surfaces that face like this one within 45 degrees are
+    /// ignored, because they may be its own curvature.
     pub fn surface_reach(
         &self,
         (position, normal): (Vec3, Vec3),
@@ -37,7 +37,7 @@ impl Scene {
         radius: f32,
         lift: f32,
     ) -> Option<f32> {
-        /// Share of the radius at which the ray meets a plane surface.
+        /// Share of the radius at which the ray meets a flat surface.
         const LANDING: f32 = 0.95;
         let start = position + normal * (lift * radius);
         let direction = tangent * radius - normal * (lift / LANDING * radius);
@@ -48,31 +48,31 @@ impl Scene {
         }
     }
 
-    /// Height in radii from which feelers around a place start, where there is nothing within `headroom` above it: a
-    /// twentieth, or half of the way up to what is there.
+    /// Height in radii at which feeler rays around a point start: a twentieth, or half of `headroom` where there is an obstacle lower
+    /// than that.
     pub fn feeler_lift(headroom: f32, radius: f32) -> f32 {
         const LIFT: f32 = 0.05;
         if headroom < LIFT * radius { 0.5 * headroom / radius } else { LIFT }
     }
 
-    /// How far one can go from `position` along the unit `normal` of the surface there before something is in the way; infinite where
-    /// that is farther than `within`. What is so close that rounding may have put the place beyond it is passed over.
+    /// Free distance from `position` along the unit `normal` of the surface there; infinite where it exceeds `within`. Obstacles so
+    /// close that rounding may have placed the point beyond them are ignored.
     pub fn headroom(&self, position: Vec3, normal: Vec3, within: f32) -> f32 {
         let up = Ray { t_max: within, ..Ray::new(position + normal * ROUNDED, normal) };
         self.parts.embree.intersect(&up).map_or(f32::INFINITY, |hit| ROUNDED + hit.t)
     }
 
-    /// Whether a free way leads from `start`, a place in the open, to `place` on a surface that faces along the unit `normal`:
-    /// a straight segment, which ends as close above the surface as places can be told apart.
+    /// Whether the straight segment from `start`, a point in free space, to `place` on a surface that faces along the unit `normal` is
+    /// free. It ends just above the surface, at the resolution of positions.
     pub fn is_way_free(&self, start: Vec3, place: Vec3, normal: Vec3) -> bool {
         !self.occluded(&Ray::segment(start, off_surface(place, normal)))
     }
 
-    /// Whether a free way leads from a hit to `place` on a surface that faces along the unit `normal` on the side of the hit: back
-    /// along the ray that found the hit, which was free, up to where the tangent planes of both places lie well below, and
-    /// straight on from there. What is low against the distance of the two is passed over.
+    /// Whether a free path leads from a hit to `place`, on a surface that faces along the unit `normal` on the side of the hit. The path
+    /// leads back along the ray that found the hit, which was free, until it is well above the tangent planes of both points, and then
+    /// straight to `place`. It passes over obstacles that are low compared with the distance of the points.
     ///
-    /// Whatever the shapes, such a way leads through no closed surface.
+    /// Whatever the shapes, such a path passes through no closed surface.
     pub fn connects(&self, hit: &SurfaceInteraction, place: Vec3, normal: Vec3) -> bool {
         let offset = hit.point.position - place;
         let distance = offset.length();
@@ -81,14 +81,15 @@ impl Scene {
         let over_here = rise / here;
         let over_there = if there > 0.0 { (rise - offset.dot(normal)) / there } else { 0.0 };
         let back = over_here.max(over_there).min(0.5 * hit.distance);
-        // Not a number where the ray grazes the surface and the places are the same.
+        // NaN where the ray grazes the surface and both points are the same.
         let back = if back > 0.0 { back } else { 0.0 };
         let start = hit.start_towards(hit.wo) + hit.wo * back;
         self.is_way_free(start, place, normal)
     }
 
-    /// Whether a free way leads from `centre`, on a surface that faces along the unit `up` and has this much `headroom`, to `place`
-    /// on one that faces along `normal`: up to where the tangent planes of both lie well below, and straight on from there.
+    /// Whether a free path leads from `centre`, on a surface that faces along the unit `up` with this much `headroom`, to `place` on a
+    /// surface that faces along `normal`. The path rises well above the tangent planes of both points, and then leads straight to
+    /// `place`.
     pub fn connects_upwards(
         &self,
         (centre, up): (Vec3, Vec3),
@@ -102,8 +103,7 @@ impl Scene {
         self.is_way_free(off_surface(centre, up) + up * height, place, normal)
     }
 
-    /// Where a surface ends along `tangent`, by bisection with rays straight down; `None` where it goes on after all,
-    /// curving away.
+    /// Distance at which a surface ends along `tangent`, by bisection with rays straight down; `None` where it continues in a curve.
     fn surface_end(
         &self,
         (position, normal): (Vec3, Vec3),
@@ -114,7 +114,7 @@ impl Scene {
         const STEPS: u32 = 5;
         let is_supported = |distance: f32| {
             let origin = position + tangent * distance + normal * (lift * radius);
-            // A surface that has turned by less than 45 degrees lies no deeper than this.
+            // A surface that has turned by less than 45 degrees is at most this far below.
             let down = Ray { origin, direction: -normal * (lift * radius + distance), t_max: 1.0 };
             self.intersect_any_direction(&down)
                 .is_some_and(|(_, facing)| facing.dot(normal) >= SAME_SURFACE_COS)
@@ -136,9 +136,8 @@ impl Scene {
         Some((hit.t, self.facing_normal(ray, &hit)))
     }
 
-    /// The surface at `position` that faces along the unit `normal`, for places of which no more is known, as those of
-    /// photons: what a ray straight down from a little above meets. `None` where that finds none, or one that faces
-    /// elsewhere.
+    /// The surface at `position` that faces along the unit `normal`, for points such as those of photons, of which nothing else is
+    /// known. It is found by a ray straight down from slightly above. `None` where the ray finds no surface or one that faces elsewhere.
     pub fn surface_at(&self, position: Vec3, normal: Vec3) -> Option<SurfaceInteraction> {
         let down = Ray { origin: position + normal * ROUNDED, direction: -normal, t_max: 2.0 * ROUNDED };
         let hit = self.met(&down, &self.parts.embree.intersect(&down)?);

@@ -1,15 +1,16 @@
+//! Render space: the recentred and scaled space in which all rays are traced.
+
 use glam::{DAffine3, DVec3};
 
-/// The map from world space (metres, watts) to render space.
+/// The transform from world space (metres, watts) to render space.
 ///
-/// The scene is recentred, scaled by a power of two so that the radius of its bounds lies in `[0.5, 1)`, and its
-/// total flux is scaled by a power of two as well. All of it is exact in `f64`, so a scene whose lengths or powers
-/// are multiplied by a power of two gives the same picture bit for bit, and neither millimetres nor kilometres,
-/// microwatts nor gigawatts leave the range of `f32` on the way.
+/// The scene is recentred, scaled by a power of two so that the radius of its bounds lies in `[0.5, 1)`, and its total flux is scaled by
+/// a power of two as well. All of this is exact in `f64`. A scene whose lengths or powers are multiplied by a power of two therefore
+/// gives the same image bit for bit, and neither millimetres nor kilometres, microwatts nor gigawatts leave the range of `f32` on the
+/// way.
 ///
-/// How quantities change: lengths by `scale`; areas, intensity and flux by `scale^2`; absorption per length by
-/// `1 / scale`; radiance and irradiance not at all. On top of that all radiometric quantities are multiplied by
-/// `power`, which the film divides out.
+/// Quantities change as follows: lengths by `scale`; areas, intensity and flux by `scale^2`; absorption per length by `1 / scale`;
+/// radiance and irradiance do not change. In addition all radiometric quantities are multiplied by `power`, which the film divides out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderSpace {
     /// World position of the origin of render space.
@@ -21,14 +22,14 @@ pub struct RenderSpace {
 }
 
 impl RenderSpace {
-    /// The space for a scene with these world bounds. `radius` must be finite; zero means scale 1.
+    /// The render space of a scene with these world bounds. `radius` must be finite; zero means scale 1.
     pub fn fitting(center: DVec3, radius: f64) -> Self {
         let scale = if radius > 0.0 { 1.0 / power_of_two_above(radius) } else { 1.0 };
         Self { center, scale, power: 1.0 }
     }
 
-    /// The same space with the factor on radiance chosen so that `flux`, the largest channel of the total flux of
-    /// all lights in render units before this factor, comes to lie in `[0.5, 1)`.
+    /// The same space with the factor on radiance chosen such that `flux` lies in `[0.5, 1)`. `flux` is the largest channel of the total
+    /// flux of all lights in render units, before this factor.
     pub fn with_flux(self, flux: f64) -> Self {
         let power = if flux > 0.0 && flux.is_finite() { 1.0 / power_of_two_above(flux) } else { 1.0 };
         Self { power, ..self }
@@ -49,12 +50,12 @@ impl RenderSpace {
         metres * self.scale
     }
 
-    /// Metres of a render-space length.
+    /// Length in metres of a render-space length.
     pub fn metres(&self, length: f64) -> f64 {
         length / self.scale
     }
 
-    /// The map as a transform.
+    /// The transform as an affine matrix.
     pub fn to_affine(&self) -> DAffine3 {
         DAffine3::from_scale(DVec3::splat(self.scale)) * DAffine3::from_translation(-self.center)
     }

@@ -23,38 +23,38 @@ use std::sync::{Mutex, OnceLock};
 #[derive(Debug)]
 pub struct Scene {
     pub(super) parts: SceneParts,
-    /// Those of the targets that cast caustics.
+    /// Targets that are caustic casters.
     pub(super) casters: Vec<Target>,
-    /// Lights by their flux; `None` where there is no light.
+    /// Distribution of the lights by flux; `None` where there is no light.
     pub(super) light_power: Option<Distribution1D>,
     pub(super) light_choice: LightChoice,
-    /// Lights that a ray into the open may meet.
+    /// Lights that a ray can hit when it leaves the scene.
     pub(super) open: Vec<LightId>,
-    /// Where surfaces touch that bound media or emit; `None` where none do.
+    /// Places where surfaces touch that bound media or emit; `None` where there are none.
     pub(super) contacts: Option<Contacts>,
-    /// Media of bodies that overlap at places where there are too many of them to be followed.
+    /// Media of overlapping bodies, at places where more bodies overlap than can be followed.
     pub(super) overfull: Mutex<BTreeSet<MediumId>>,
-    /// Surfaces whose interfaces contradict where rays are.
+    /// Surfaces whose interfaces contradict the medium stacks of rays.
     pub(super) misfits: Misfits,
     /// Whether any material bounds a medium.
     pub(super) has_interfaces: bool,
     /// Whether any medium scatters.
     scatters: bool,
-    /// By light, the bodies in front of it and behind it; found when first asked for.
+    /// For each light, the bodies in front of it and behind it; computed at first use.
     pub(super) light_media: OnceLock<Vec<LightMedia>>,
 }
 
-/// The bodies that a light is in.
+/// The bodies that contain a light.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LightMedia {
-    /// On the side of its normal, and on its back.
+    /// Medium stacks on the side of its normal and on its back.
     pub sides: [MediumStack; 2],
-    /// Whether one of its sides is in more than one medium.
+    /// Whether one of its sides lies in more than one medium.
     pub divided: bool,
 }
 
 impl Scene {
-    /// A scene of these parts.
+    /// Builds a scene from these parts.
     pub fn new(mut parts: SceneParts) -> Self {
         let contacts = Contacts::find(&parts);
         if let Some(contacts) = &contacts {
@@ -74,7 +74,7 @@ impl Scene {
             light.is_at_infinity() && !light.is_delta()
         };
         let open = (0..parts.lights.len() as LightId).filter(is_open).collect();
-        // What bends no light casts no caustics.
+        // A null interface bends no light and casts no caustics.
         let is_null = |target: &Target| {
             let surface = &parts.surfaces[target.surface as usize];
             surface.all_materials().all(|material| is_null_border(&parts, material))
@@ -121,7 +121,7 @@ impl Scene {
         &self.parts.surfaces[interaction.surface as usize]
     }
 
-    /// Materials and their names.
+    /// Materials, each with its name.
     pub fn materials(&self) -> &[(String, Material)] {
         &self.parts.materials
     }
@@ -154,8 +154,8 @@ impl Scene {
         &self.parts.lights
     }
 
-    /// Radiance from outside along the unit `direction`, in which a ray meets nothing: of all lights there, each times the
-    /// `weight` of its number, given the density per solid angle with which its samples are drawn.
+    /// Radiance from outside the scene along the unit `direction` of a ray that hits nothing. Sums over all lights there, each
+    /// multiplied by its `weight`, a function of the light's number and of the density per solid angle of its samples.
     #[inline]
     pub fn outside(&self, direction: Vec3, weight: impl Fn(LightId, &dyn Fn() -> f32) -> f32) -> Rgb {
         let mut sum = Rgb::ZERO;
@@ -168,17 +168,17 @@ impl Scene {
         sum
     }
 
-    /// Which lights get shadow rays.
+    /// How lights are chosen for shadow rays.
     pub fn light_choice(&self) -> &LightChoice {
         &self.light_choice
     }
 
-    /// Lights in proportion to their flux; `None` where nothing emits.
+    /// Distribution of the lights in proportion to their flux; `None` where nothing emits.
     pub fn light_power(&self) -> Option<&Distribution1D> {
         self.light_power.as_ref()
     }
 
-    /// Map to the world.
+    /// Transform between world and render space.
     pub fn space(&self) -> &RenderSpace {
         &self.parts.space
     }
@@ -188,27 +188,27 @@ impl Scene {
         self.parts.bounds
     }
 
-    /// Spheres around all surfaces, render space; one for each place where an instance puts one.
+    /// Spheres around all surfaces, render space; one for each placement by an instance.
     pub fn targets(&self) -> &[Target] {
         &self.parts.targets
     }
 
-    /// Those of them that cast caustics.
+    /// Targets that are caustic casters.
     pub fn casters(&self) -> &[Target] {
         &self.casters
     }
 
-    /// Name of a light in the scene file, and how many photons it is to get.
+    /// Name of a light in the scene file, and its relative number of photons.
     pub fn light_note(&self, light: usize) -> &LightNote {
         &self.parts.light_notes[light]
     }
 
-    /// True where point or parallel lights shine on specular surfaces: light that only photons find.
+    /// Whether point or parallel lights shine on specular surfaces: only photons find that light.
     pub fn has_hidden_caustics(&self) -> bool {
         !self.casters.is_empty() && self.parts.lights.iter().any(Light::is_delta)
     }
 
-    /// The surface that Embree hit: index into [`Self::surfaces`].
+    /// The surface that Embree hit, by its index into [`Self::surfaces`].
     #[inline]
     pub fn surface_of(&self, hit: &RawHit) -> u32 {
         match &self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize] {
@@ -217,12 +217,12 @@ impl Scene {
         }
     }
 
-    /// The Embree scene, for benchmarks that trace bare rays.
+    /// The Embree scene, for benchmarks that trace plain rays.
     pub fn embree(&self) -> &CommittedScene {
         &self.parts.embree
     }
 
-    /// What stands behind each geometry number.
+    /// The surface or instance behind each geometry number.
     pub fn nodes(&self) -> &[Node] {
         &self.parts.nodes
     }
@@ -234,8 +234,8 @@ impl Scene {
         Some(self.met(ray, &hit))
     }
 
-    /// Surfaces that touch somewhere, at least one of which bounds media or emits: pairs of indices into [`Self::surfaces`]. Two that
-    /// come so near that rays look twice may be among them.
+    /// Surfaces that touch somewhere, at least one of which bounds media or emits: pairs of indices into [`Self::surfaces`]. A pair may
+    /// also be listed if it is only so close that rays search for contacts there.
     pub fn touching(&self) -> &[[u32; 2]] {
         self.contacts.as_ref().map_or(&[], Contacts::pairs)
     }
@@ -245,8 +245,8 @@ impl Scene {
         self.contacts.as_ref().map_or(0.0, Contacts::distance)
     }
 
-    /// What a ray meets where Embree hit something: [`Self::interaction`], or of surfaces that lie at the same place the one
-    /// that comes first.
+    /// The surface that a ray meets where Embree reported a hit: [`Self::interaction`], or, of several surfaces at the same place, the
+    /// one that comes first.
     #[inline(always)]
     pub fn met(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
         let mut found = self.plain_interaction(ray, hit);
@@ -262,13 +262,13 @@ impl Scene {
         found
     }
 
-    /// Whether anything lies on the segment.
+    /// Whether any geometry lies on the segment.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.parts.embree.occluded(ray)
     }
 
-    /// Turns Embree's hit into a point with its error bound, and looks up the textures of its material. That surface by itself:
+    /// Converts Embree's hit into a point with its error bound, and looks up the textures of its material. Considers that surface alone;
     /// [`Self::met`] is what a ray meets.
     #[inline(always)]
     pub fn interaction(&self, ray: &Ray, hit: &RawHit) -> SurfaceInteraction {
@@ -285,7 +285,7 @@ impl Scene {
         if let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance) {
             let surface = &self.parts.surfaces[*index as usize];
             if let Geometry::Mesh(mesh) = &surface.geometry {
-                // Nearly every hit there is.
+                // Nearly all hits take this branch.
                 let corners = mesh.buffers.corners(hit.primitive);
                 let (point, retreat) = HitPoint::on_triangle_along(corners, hit.uv, ray, hit.t)
                     .unwrap_or_else(|| (flat_hit(corners, -ray.direction), 0.0));
@@ -321,13 +321,13 @@ impl Scene {
         found.shading_normal = within_reach(found.shading_normal, found.point.normal);
     }
 
-    /// Textures of a material, if it has any.
+    /// Textures of a material; `None` where it has none.
     fn texture_of(&self, material: u32) -> Option<&MaterialTexture> {
         self.parts.textures.get(material as usize).filter(|texture| !texture.is_plain())
     }
 
-    /// What a photon needs of its hit where that is as simple as most are: a flat triangle of a Lambert surface,
-    /// outside of instances and met on a side that reflects. `None` elsewhere, for [`Self::interaction`].
+    /// The data that a photon needs of its hit in the most common case: a flat triangle of a Lambert surface, outside of instances, hit
+    /// on a reflecting side. `None` in all other cases, which use [`Self::interaction`].
     #[inline(always)]
     pub fn diffuse_hit(&self, ray: &Ray, hit: &RawHit) -> Option<DiffuseHit> {
         let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance) else {
@@ -358,14 +358,14 @@ impl Scene {
         is_plain.then_some(DiffuseHit { point, facing, reflectance, surface: *index })
     }
 
-    /// [`SurfaceInteraction::retreat`] with a way `back` where another surface rises from the edge of the triangle that the `point` of
-    /// a ray lies next to, and zero where the surface goes on there, or ends: what looks ahead from so far back, along the triangle and
-    /// out of it, meets one whose plane has the place in it by rounding.
+    /// [`SurfaceInteraction::retreat`] by the distance `back`, where another surface rises from the triangle's edge next to `point`.
+    /// Zero where the surface continues or ends at the edge. A search ray that starts at this distance and leads along the triangle and
+    /// out of it must meet a surface whose plane contains the point to within rounding.
     #[cold]
     fn retreat_at(&self, ray: &Ray, point: &HitPoint, corners: [Vec3; 3], back: f32) -> Vec3 {
-        /// How far ahead, in heights above the triangle: as far as what leans back by 80 degrees.
+        /// Length of the search ray, in heights above the triangle: it reaches surfaces that lean back by 80 degrees.
         const AHEAD: f32 = 8.0;
-        /// For the errors of both.
+        /// Room for the errors of both surfaces.
         const ROOM: f32 = 16.0;
         let wo = -ray.direction;
         let Some(edge) = TriangleEdge::nearest(corners, point.uv, point.offset) else { return wo * back };
@@ -384,7 +384,8 @@ impl Scene {
         self.free_retreat(start, wo * back, between([own, other], edge.error, edge.most))
     }
 
-    /// `back` to `start`, and `off` from there where nothing is in the way, as at a corner of three surfaces.
+    /// The offset `back`, which leads to `start`, plus `off` where nothing blocks it from there, as it may at a corner of three
+    /// surfaces.
     #[cold]
     fn free_retreat(&self, start: Vec3, back: Vec3, off: Vec3) -> Vec3 {
         if off == Vec3::ZERO || self.occluded(&Ray::segment(start, start + 2.0 * off)) {
@@ -394,7 +395,8 @@ impl Scene {
         }
     }
 
-    /// [`Self::interaction`] for procedural objects and instances, and any surface where it `looks` at no edges.
+    /// [`Self::interaction`] for procedural objects and instances; and for any surface, without a search for edges, where `looks` is
+    /// false.
     #[inline(never)]
     fn general_interaction(&self, ray: &Ray, hit: &RawHit, looks: bool) -> SurfaceInteraction {
         let (index, placement) = match &self.parts.nodes[hit.instance.unwrap_or(hit.geometry) as usize] {
@@ -448,7 +450,7 @@ impl Scene {
         found
     }
 
-    /// Unit geometric normal of a hit on the side of the ray.
+    /// Unit geometric normal of a hit on the side from which the ray arrived.
     #[inline]
     pub(super) fn facing_normal(&self, ray: &Ray, hit: &RawHit) -> Vec3 {
         if let (Node::Surface(index), None) = (&self.parts.nodes[hit.geometry as usize], hit.instance)
@@ -463,7 +465,7 @@ impl Scene {
     }
 }
 
-/// Whether a material is the border of a medium that scatters, to one of the same index: no surface.
+/// Whether a material is a null interface: it bounds a medium that scatters, towards a medium with the same index of refraction.
 fn is_null_border(parts: &SceneParts, material: u32) -> bool {
     let Material::Dielectric { inside, outside, .. } = parts.materials[material as usize].1 else {
         return false;
@@ -501,8 +503,7 @@ fn found(
     }
 }
 
-/// The hit of a triangle that has no area in `f32`, which Embree reports only through rounding: its first corner,
-/// facing the ray.
+/// The hit of a triangle without area in `f32`, which Embree reports only through rounding: its first corner, facing the ray.
 #[cold]
 fn flat_hit(corners: [[f32; 3]; 3], normal: Vec3) -> HitPoint {
     let [a, b, c] = corners.map(Vec3::from_array);

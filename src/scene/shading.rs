@@ -1,16 +1,16 @@
-//! How a hit scatters light, whatever its normals are.
+//! Shading of a hit: how it scatters light when its shading and geometric normals may differ.
 
 use crate::bsdf::{Bend, Bent, Bsdf, BsdfSample, Lobe, TransportMode};
 use crate::math::{Frame, Rgb};
 use crate::sampling::mix;
 use glam::{Vec2, Vec3};
 
-/// Another random number, a hash of one that others use as well.
+/// Another random number, derived by a hash from one that is also used elsewhere.
 fn refreshed(u: f32) -> f32 {
     (mix(u64::from(u.to_bits())) >> 40) as f32 / 16_777_216.0
 }
 
-/// How a hit scatters: a BSDF and the frame it lives in. Directions are those of the frame.
+/// How a hit scatters light: a BSDF and its frame. Directions are given in the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Shading {
     /// The model.
@@ -21,7 +21,7 @@ pub struct Shading {
     pub geometric: Vec3,
     /// Direction back along the ray, in the frame.
     pub wo_local: Vec3,
-    /// The geometric normal in the frame, where it is another than the shading normal.
+    /// The geometric normal in the frame, where it differs from the shading normal.
     pub bend: Option<Bend>,
 }
 
@@ -31,13 +31,13 @@ impl Shading {
         Self { bsdf, frame, geometric, wo_local, bend }
     }
 
-    /// The BSDF on a surface with another geometric normal; `None` where both are the same.
+    /// The BSDF corrected for the geometric normal; `None` where both normals are the same.
     #[inline]
     pub fn bent(&self) -> Option<Bent<'_>> {
         self.bend.map(|bend| Bent { bsdf: &self.bsdf, wo: self.wo_local, bend })
     }
 
-    /// The part of the BSDF in `lobe`, for paths from the camera: 1/sr, to be multiplied by [`Self::cosine`].
+    /// Value of the BSDF's `lobe`, for paths from the camera: 1/sr, to be multiplied by [`Self::cosine`].
     #[inline]
     pub fn eval(&self, lobe: Lobe, wi: Vec3) -> Rgb {
         let mode = TransportMode::Radiance;
@@ -47,15 +47,15 @@ impl Shading {
         }
     }
 
-    /// The cosine of incidence that [`Self::eval`] does not contain: one where the normals differ, since each term there has
-    /// a cosine of its own.
+    /// The cosine of incidence that [`Self::eval`] does not contain. It is one where the normals differ, because each term of that value
+    /// then contains its own cosine.
     #[inline]
     pub fn cosine(&self, wi: Vec3) -> f32 {
         if self.bend.is_none() { wi.z.abs() } else { 1.0 }
     }
 
-    /// The part of the diffuse lobe over what it reflects of a photon's power as the map keeps it, 1/sr: photons hold the share
-    /// of a Lambertian surface ([`Bend::lambert_share`]).
+    /// Factor of the diffuse lobe on the power of a photon as stored in the map, 1/sr. Photons already contain the share of a Lambertian
+    /// surface ([`Bend::lambert_share`]).
     #[inline]
     pub fn eval_photon(&self, wi: Vec3) -> Rgb {
         match self.bent() {
@@ -64,8 +64,8 @@ impl Shading {
         }
     }
 
-    /// Where a Lambertian lobe sends light for the world's direction `w` that was drawn around the shading normal by its
-    /// cosine, by a random number: `w` itself where the normals are the same.
+    /// Direction of light at a Lambertian lobe, for the world direction `w` sampled around the shading normal in proportion to its
+    /// cosine, and a random number. It is `w` itself where the normals are the same.
     #[inline]
     pub fn diffuse_direction(&self, w: Vec3, u: f32) -> Vec3 {
         match self.bent() {
@@ -74,7 +74,7 @@ impl Shading {
         }
     }
 
-    /// Density per solid angle, 1/sr, with which [`Self::sample_lobe`] draws `wi`.
+    /// Density per solid angle, 1/sr, with which [`Self::sample_lobe`] samples `wi`.
     #[inline]
     pub fn pdf_solid_angle(&self, lobe: Lobe, wi: Vec3) -> f32 {
         match self.bent() {

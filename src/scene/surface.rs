@@ -1,4 +1,4 @@
-//! Points on surfaces, with the error bounds that make ray offsets unnecessary to tune.
+//! Points on surfaces, with error bounds that make tuning of ray offsets unnecessary.
 
 use super::contact::Borders;
 use super::layered::Painted;
@@ -11,30 +11,29 @@ use crate::math::rounding::UNIT_ROUNDOFF;
 use crate::math::{Frame, Ray, Rgb, unit, unit_f64};
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
 
-/// Geometry of a hit before anything is known of its material: a point, a normal, and how far a ray must start from
-/// the point to be on a known side of the surface.
+/// Geometry of a hit before its material is known: a point, a normal, and the distance that a ray must start from the point to be on a
+/// known side of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HitPoint {
     /// Position, rounded to `f32`.
     pub position: Vec3,
     /// Unit normal of the geometry on its outer side: by winding for triangles, outward for closed shapes.
     pub normal: Vec3,
-    /// Distance along the normal within which neither this point's rounding nor that of an intersection test of a
-    /// ray that starts here can tell on which side of the surface a point lies.
+    /// Distance along the normal within which the side of the surface is uncertain, because of the rounding of this point and of the
+    /// intersection test of a ray that starts here.
     pub offset: f32,
     /// Surface parameters; barycentric for triangles.
     pub uv: Vec2,
 }
 
-/// How far back rays start that leave from next to an edge, as a share of the size of what is there.
+/// Largest retreat of ray origins next to an edge, as a share of the size of the geometry there.
 const RETREAT: f64 = 1.0 / 16.0;
 
-/// Allowance over the first-order bounds below, for the terms of second order they leave out.
+/// Safety factor on the first-order bounds below, for the neglected second-order terms.
 const SAFETY: f32 = 2.0;
 
 impl HitPoint {
-    /// The point of a triangle with these barycentric coordinates of the second and third corner. `None` for a
-    /// triangle without area.
+    /// The point of a triangle with these barycentric coordinates of the second and third corner. `None` for a triangle without area.
     #[inline(always)]
     pub fn on_triangle(corners: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
         let Some(point) = TrianglePoint::new(corners, uv) else {
@@ -48,8 +47,8 @@ impl HitPoint {
         })
     }
 
-    /// The point of a triangle that `ray`, of unit direction, met at its parameter `t`, see [`TrianglePoint::closer`]; and how
-    /// far back along that ray others are to start, see [`TrianglePoint::retreat`].
+    /// The point of a triangle that `ray`, of unit direction, met at its parameter `t`, see [`TrianglePoint::closer`]; and how far back
+    /// along that ray further rays are to start, see [`TrianglePoint::retreat`].
     #[inline(always)]
     pub(super) fn on_triangle_along(
         corners: [[f32; 3]; 3],
@@ -72,21 +71,20 @@ impl HitPoint {
         Some((on_triangle, retreat))
     }
 
-    /// [`Self::on_triangle`] where the area leaves the range of `f32`.
+    /// [`Self::on_triangle`] for triangles whose area exceeds the range of `f32`.
     #[cold]
     fn on_tiny_triangle(corners: [[f32; 3]; 3], uv: [f32; 2]) -> Option<Self> {
         let [v0, v1, v2] = corners.map(|v| Vec3::from_array(v).as_dvec3());
         let (e1, e2) = (v1 - v0, v2 - v0);
         let normal = unit_f64(e1.cross(e2))?.as_vec3();
         let position = (v0 + e1 * f64::from(uv[0]) + e2 * f64::from(uv[1])).as_vec3();
-        // The whole extent instead of its share along the normal: what Embree makes of such a triangle is anyone's
-        // guess.
+        // Uses the whole extent instead of its share along the normal, because Embree's result for such a triangle is not predictable.
         let extent = e1.abs().max(e2.abs()).as_vec3();
         let error = position.abs() * UNIT_ROUNDOFF + extent * 1e-3;
         Some(Self { position, normal, offset: SAFETY * error.dot(Vec3::ONE), uv: Vec2::from_array(uv) })
     }
 
-    /// The point of a procedural object, which states its own error.
+    /// A point of a procedural object, which supplies its own error bound.
     #[inline]
     pub fn on_procedural(point: &SurfacePoint) -> Self {
         let position = point.position.as_vec3();
@@ -95,15 +93,15 @@ impl HitPoint {
         Self { position, normal, offset: SAFETY * normal.abs().dot(error), uv: point.uv }
     }
 
-    /// Parts of [`SurfaceInteraction::retreat`] next to an edge of a procedural object, in which `local` met this point at `t`: back along
-    /// the ray, to where `wo` points in render space, and off the other face. `None` elsewhere.
+    /// Parts of [`SurfaceInteraction::retreat`] next to an edge of a procedural object: the offset back along the ray, towards `wo` in
+    /// render space, and the offset away from the other face. The ray `local` met this point at `t`. `None` away from edges.
     pub(super) fn retreat_from(
         &self,
         edge: &NearEdge,
         placement: Option<&Placement>,
         (local, t, wo): (&Ray, f32, Vec3),
     ) -> Option<(Vec3, Vec3)> {
-        /// For errors of the other face, and for what [`NearEdge::distance`] may be too large by.
+        /// Room for errors of the other face, and for an overestimated [`NearEdge::distance`].
         const ROOM: f64 = 16.0;
         let stretch = f64::from(local.direction.length());
         let rounding = f64::from(4.0 * UNIT_ROUNDOFF * self.position.abs().max_element() + self.offset);
@@ -140,7 +138,7 @@ impl HitPoint {
         Self {
             position: world.as_vec3(),
             normal: unit.as_vec3(),
-            // A height over the surface of the object is a height divided by that factor in the world.
+            // A height above the object's surface is divided by this factor in world space.
             offset: (f64::from(self.offset) / length + moved) as f32,
             uv: self.uv,
         }
@@ -153,7 +151,7 @@ impl HitPoint {
     }
 }
 
-/// A point of a triangle in registers, and what its error bound is made of: only rays that start there need that.
+/// A point of a triangle in registers, with the data of its error bound, which only rays that start there need.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TrianglePoint {
     corners: [Vec3A; 3],
@@ -162,7 +160,7 @@ pub(super) struct TrianglePoint {
     pub(super) position: Vec3A,
     /// As in [`HitPoint`].
     pub(super) normal: Vec3A,
-    /// Of the cross product of the edges.
+    /// Inverse length of the cross product of the edges.
     inverse_length: f32,
 }
 
@@ -183,22 +181,21 @@ impl TrianglePoint {
         Some(Self { corners: [v0, v1, v2], edges: [e1, e2], position, normal, inverse_length })
     }
 
-    /// The same point, found again along a ray of unit direction that met the triangle at `t`, where the way is short
-    /// against the triangle.
+    /// The same point, computed again along a ray of unit direction that met the triangle at `t`, where the distance is short compared
+    /// with the triangle.
     ///
-    /// Barycentrics place a point within a roundoff of the *triangle*: a tenth of a millimetre on a plane of a
-    /// kilometre, where the caustic of a jewel would become a lattice. The ray places it within a roundoff of
-    /// the way.
+    /// Barycentric coordinates locate a point to within a roundoff of the *triangle*: a tenth of a millimetre on a plane of a kilometre,
+    /// which would turn the caustic of a jewel into a lattice. The ray locates it to within a roundoff of the distance.
     #[inline(always)]
     pub(super) fn closer(self, ray: &Ray, t: f32) -> Self {
-        /// Length of the edges over the way.
+        /// Ratio of the edge length to the distance from which on the distance counts as short.
         const SHORT: f32 = 64.0;
         let [e1, e2] = self.edges;
         let way = SHORT * t;
         if e1.length_squared() + e2.length_squared() < way * way { self } else { self.along(ray) }
     }
 
-    /// Where the ray meets the plane, in `f64`; the point as it was where that is beside the triangle.
+    /// Intersection of the ray with the plane in `f64`; the unchanged point where that lies outside of the triangle.
     #[cold]
     fn along(self, ray: &Ray) -> Self {
         let [corner, e1, e2] = {
@@ -211,43 +208,43 @@ impl TrianglePoint {
         let from_corner = origin + direction * t;
         let area = normal.length_squared();
         let (u, v) = (from_corner.cross(e2).dot(normal) / area, e1.cross(from_corner).dot(normal) / area);
-        // Embree, who said that the ray meets this triangle, tells no finer; false as well for what is not a number.
+        // Embree, which reported the hit, is no more accurate than this. The test is also false for NaN.
         let edge = -8.0 * f64::from(UNIT_ROUNDOFF);
         if !(u >= edge && v >= edge && 1.0 - u - v >= edge) {
             return self;
         }
-        // Not by the way along the ray, whose roundoff is off the plane: one through the origin would have no error of its own to
-        // move the next ray's start by, and be met again.
+        // Not computed from the distance along the ray, whose roundoff points off the plane: on a plane through the origin, the error
+        // bound would be zero, the next ray would not be moved, and it would hit the plane again.
         let position = corner + e1 * u + e2 * v;
         Self { position: position.as_vec3().into(), ..self }
     }
 
-    /// Whether a ray of unit direction met the triangle so close to an edge that, by rounding, a start off this triangle may lie
-    /// beyond another one that rises from that edge at any angle.
+    /// Whether a ray of unit direction met the triangle so close to an edge that, by rounding, an origin off this triangle may lie
+    /// beyond another triangle that rises from that edge at any angle.
     ///
-    /// A start is off the place of the hit by an error `e` at most: that of the place itself in all directions, and
-    /// [`HitPoint::offset`]. Another triangle that rises at an angle `a` from an edge at the distance `d` passes the place
-    /// at the distance `d sin(a)`. The ray came from between the two, so its cosine with the normal here is
-    /// less than `sin(a)`, unless it came from the other one right here: then that start was too close to the edge. So
-    /// nothing is in question where `d` times that cosine is more than `e`, and the other triangle need not be known.
+    /// The origin differs from the true hit point by an error `e` at most: the error of the point itself in all directions, plus
+    /// [`HitPoint::offset`]. Another triangle that rises at an angle `a` from an edge at the distance `d` passes the point at the
+    /// distance `d sin(a)`. The ray came from between the two triangles, so that its cosine with the normal here is less than `sin(a)`,
+    /// unless it started at the other triangle right here; then that origin was too close to the edge. The origin is therefore safe
+    /// where `d` times that cosine exceeds `e`, and the other triangle need not be known.
     #[inline(always)]
     pub(super) fn is_at_edge(&self, uv: [f32; 2], ray: &Ray, offset: f32) -> bool {
-        /// For the errors of both triangles and of the tests of rays that start in between.
+        /// Room for the errors of both triangles and of the intersection tests of rays that start between them.
         const ROOM: f32 = 4.0;
         let [e1, e2] = self.edges;
         let edge = e1.abs().max(e2.abs());
         let error = UNIT_ROUNDOFF * SAFETY * (self.position.abs() + 7.0 * edge).max_element() + offset;
-        // Times the longest edge that the bounds of two allow: the distance from an edge is a barycentric coordinate times
-        // twice the area over the length of that edge.
+        // Multiplied by the largest edge length that the bounds of two edges allow: the distance from an edge is a barycentric
+        // coordinate times twice the area over the length of that edge.
         let longest = 2.0 * f32::sqrt(3.0) * edge.max_element();
         let least = uv[0].min(uv[1]).min(1.0 - uv[0] - uv[1]);
         let cosine = self.normal.dot(Vec3A::from(ray.direction)).abs();
         !(least * cosine > ROOM * error * longest * self.inverse_length)
     }
 
-    /// How far back along the ray that met the triangle at `t` the next ray starts, where it goes to the same side, another surface
-    /// rises there and [`Self::is_at_edge`]. That segment is free as far as any ray can tell. Far enough for what rises from the
-    /// edge to be told from the place unless the ray came along it within a millionth.
+    /// How far back, along the ray that met the triangle at `t`, the next ray starts if it stays on the same side, another surface rises
+    /// there and [`Self::is_at_edge`] holds. No ray can find anything on that segment. The distance is large enough to separate the
+    /// point from whatever rises from the edge, unless the ray came along that surface to within a millionth.
     #[cold]
     pub(super) fn retreat(&self, t: f32) -> f32 {
         let [e1, e2] = self.edges;
@@ -255,19 +252,18 @@ impl TrianglePoint {
         (RETREAT as f32 * longest).min(0.5 * t)
     }
 
-    /// [`HitPoint::offset`]. Bounds three errors, to first order in the unit roundoff `u`, component by component so
-    /// that an axis-aligned wall of any size has none in its plane:
+    /// Computes [`HitPoint::offset`]. Bounds three errors, to first order in the unit roundoff `u`, component by component, so that an
+    /// axis-aligned wall of any size has no error in its plane:
     ///
-    /// - the position is computed in `f32`: `u |p|` for the result, `3 u` of each edge for the way there;
-    /// - Embree moves corners to the ray's origin first: `u |v_k - p|` each, a few roundings in their product with
-    ///   the normal;
-    /// - and takes the normal from those moved corners: `u (|v - p|_j |e|_k + |v - p|_k |e|_j)` in component i.
+    /// - the position is computed in `f32`: `u |p|` for the result, `3 u` of each edge for the intermediate steps;
+    /// - Embree first moves corners to the ray's origin: `u |v_k - p|` each, and a few roundings in their product with the normal;
+    /// - Embree computes the normal from those moved corners: `u (|v - p|_j |e|_k + |v - p|_k |e|_j)` in component i.
     #[inline(always)]
     pub(super) fn offset(&self) -> f32 {
         let ([v0, v1, v2], [e1, e2], position) = (self.corners, self.edges, self.position);
         let reach = (v0 - position).abs().max((v1 - position).abs()).max((v2 - position).abs());
         let edge = e1.abs().max(e2.abs());
-        // Component i holds the products of j and k.
+        // Component i holds the products of components j and k.
         let tilt = (reach.yzx() * edge.zxy() + reach.zxy() * edge.yzx()).dot(reach) * self.inverse_length;
         let error = position.abs() + 4.0 * reach + 3.0 * edge;
         UNIT_ROUNDOFF * SAFETY * (self.normal.abs().dot(error) + 3.0 * tilt)
@@ -278,9 +274,9 @@ impl TrianglePoint {
 #[derive(Clone, Copy, Debug)]
 pub struct DiffuseHit {
     pub(super) point: TrianglePoint,
-    /// The geometric normal on the side the ray arrived from.
+    /// The geometric normal on the side from which the ray arrived.
     pub(super) facing: Vec3A,
-    /// Of the surface on that side; not black.
+    /// Reflectance of the surface on that side; not black.
     pub reflectance: Rgb,
     /// Index of the surface in [`super::Scene::surfaces`].
     pub surface: u32,
@@ -293,13 +289,13 @@ impl DiffuseHit {
         self.point.position.into()
     }
 
-    /// The unit geometric normal on the side the ray arrived from.
+    /// The unit geometric normal on the side from which the ray arrived.
     #[inline]
     pub fn facing_normal(&self) -> Vec3 {
         self.facing.into()
     }
 
-    /// A ray from here in a unit `direction` on the side of the facing normal, as [`SurfaceInteraction::spawn`].
+    /// A ray from here in a unit `direction` on the side of the facing normal, as by [`SurfaceInteraction::spawn`].
     #[inline]
     pub fn spawn(&self, direction: Vec3) -> Ray {
         let origin = self.point.position + self.facing * self.point.offset();
@@ -307,8 +303,8 @@ impl DiffuseHit {
     }
 }
 
-/// What takes a place at the edge of two surfaces with these unit normals, on their sides of it, off both by a few times the
-/// `error`: out of the wedge, in the middle, and `most` at most.
+/// Offset that moves a point at the edge of two surfaces with these unit normals away from both, along the middle of the wedge, by a few
+/// times the `error` and at most `most`. The normals point to the side of the point.
 #[cold]
 pub(super) fn between([a, b]: [Vec3; 2], error: f32, most: f32) -> Vec3 {
     const ROOM: f32 = 4.0;
@@ -316,18 +312,18 @@ pub(super) fn between([a, b]: [Vec3; 2], error: f32, most: f32) -> Vec3 {
     (along * (ROOM * error)).clamp_length_max(most)
 }
 
-/// An edge of a triangle, as seen from a place next to it.
+/// An edge of a triangle, seen from a point close to it.
 pub(super) struct TriangleEdge {
-    /// Unit vector in the plane of the triangle, across the edge and out of the triangle.
+    /// Unit vector in the plane of the triangle, perpendicular to the edge and pointing out of the triangle.
     pub(super) out: Vec3,
-    /// What places near the edge may be off by.
+    /// Error bound of points near the edge.
     pub(super) error: f32,
-    /// How far rays may start from their hits: [`RETREAT`].
+    /// Largest distance of ray origins from their hits, see [`RETREAT`].
     pub(super) most: f32,
 }
 
 impl TriangleEdge {
-    /// The edge next to the place with these barycentric coordinates; `None` for triangles without area.
+    /// The edge closest to the point with these barycentric coordinates; `None` for triangles without area.
     #[cold]
     pub(super) fn nearest(corners: [Vec3; 3], uv: Vec2, offset: f32) -> Option<Self> {
         let shares = [1.0 - uv.x - uv.y, uv.x, uv.y];
@@ -346,18 +342,18 @@ impl TriangleEdge {
     }
 }
 
-/// Where an instance stands.
+/// Transform of an instance.
 #[derive(Clone, Debug)]
 pub struct Placement {
-    /// From the object's space to render space.
+    /// Transform from object space to render space.
     pub to_world: DAffine3,
-    /// From render space to the object's space.
+    /// Transform from render space to object space.
     pub to_object: DAffine3,
     /// Inverse transpose of the linear part.
     normal_matrix: DMat3,
     /// Absolute values of the linear part, for error bounds.
     magnitude: DMat3,
-    /// The same of its inverse.
+    /// Absolute values of the inverse linear part.
     inverse_magnitude: DMat3,
 }
 
@@ -377,8 +373,8 @@ impl Placement {
         })
     }
 
-    /// [`TrianglePoint::retreat`] in render space, where a ray of unit direction met a triangle of the object in `point` of
-    /// the object's space; zero but at edges.
+    /// [`TrianglePoint::retreat`] in render space. A ray of unit direction met a triangle of the object in `point`, given in object
+    /// space. Zero except at edges.
     pub(super) fn retreat(&self, corners: [[f32; 3]; 3], point: &HitPoint, ray: &Ray, t: f32) -> f32 {
         let Some(triangle) = TrianglePoint::new(corners, point.uv.to_array()) else { return 0.0 };
         let mut local = self.ray_to_object(ray);
@@ -391,15 +387,15 @@ impl Placement {
         triangle.retreat(t * stretch) / stretch
     }
 
-    /// What rounding in render space may move a point of the object by, in the object's space.
+    /// Bound on the error of a point of the object that rounding in render space causes, in object space.
     fn error_in_object(&self, position: Vec3) -> f64 {
         let world = self.magnitude * position.as_dvec3().abs() + self.to_world.translation.abs();
-        // Twice: of the place there, and of the ray here.
+        // Doubled: the point in render space and the ray in object space are both rounded.
         let moved = self.inverse_magnitude * (2.0 * world);
         f64::from(UNIT_ROUNDOFF * SAFETY) * 4.0 * moved.max_element()
     }
 
-    /// The ray in the object's space, with the same parameter.
+    /// The ray in object space, with the same parameter.
     pub fn ray_to_object(&self, ray: &Ray) -> Ray {
         Ray {
             origin: self.to_object.transform_point3(ray.origin.as_dvec3()).as_vec3(),
@@ -435,36 +431,36 @@ pub struct SurfaceInteraction {
     pub tint: Rgb,
     /// Factor on the light's radiance, where the surface emits.
     pub glow: Rgb,
-    /// What a material whose parameters vary is here.
+    /// Parameters at this point of a material whose parameters vary.
     pub painted: Option<Painted>,
-    /// All borders between media at this place, where other surfaces lie there too.
+    /// All interfaces between media at this point, where other surfaces lie there too.
     pub borders: Borders,
-    /// How far from where rays start else those start that stay on the side of this one: back along the ray, and off what is on
-    /// the other side of an edge. Zero but next to edges, where a start right at the hit might be beyond that.
+    /// Offset of the origins of rays that stay on the side of the incoming ray: back along that ray, and away from the surface at the
+    /// other side of an edge. Zero except next to edges, where an origin at the hit itself might lie beyond that surface.
     pub retreat: Vec3,
 }
 
 impl SurfaceInteraction {
-    /// True where the ray arrived on the side of the normal.
+    /// Whether the ray arrived on the side of the normal.
     #[inline]
     pub fn is_front(&self) -> bool {
         self.point.normal.dot(self.wo) > 0.0
     }
 
-    /// The geometric normal turned to the side the ray arrived from.
+    /// The geometric normal, turned to the side from which the ray arrived.
     #[inline]
     pub fn facing_normal(&self) -> Vec3 {
         if self.is_front() { self.point.normal } else { -self.point.normal }
     }
 
-    /// BSDF and frame for `material`. Opaque two-sided materials are turned to the side the ray arrived from; the back
-    /// of a one-sided one is black; an interface keeps the side of its normal.
+    /// BSDF and frame for `material`. Opaque two-sided materials are turned to the side from which the ray arrived; the back of a
+    /// one-sided material is black; an interface keeps the side of its normal.
     #[inline]
     pub fn shading(&self, material: &Material) -> Shading {
         self.shading_between(material, None)
     }
 
-    /// [`Self::shading`], where an `interface` between other media than the material states takes the place of its own.
+    /// [`Self::shading`], with an `interface` that replaces the material's own where it separates other media.
     #[inline]
     pub(super) fn shading_between(&self, material: &Material, interface: Option<Dielectric>) -> Shading {
         let front = self.is_front();
@@ -505,13 +501,13 @@ impl SurfaceInteraction {
         Shading::new(bsdf, frame, geometric, wo_local)
     }
 
-    /// A ray from here in a unit `direction`, started off the surface by this hit's own error bound.
+    /// A ray from here in a unit `direction`, moved off the surface by this hit's own error bound.
     #[inline]
     pub fn spawn(&self, direction: Vec3) -> Ray {
         Ray::new(self.start_towards(direction), direction)
     }
 
-    /// Where rays start that leave from here to the side that `direction` points to.
+    /// Origin of rays that leave from here to the side that `direction` points to.
     #[inline]
     pub fn start_towards(&self, direction: Vec3) -> Vec3 {
         let start = self.point.moved_towards(direction);
@@ -524,18 +520,18 @@ impl SurfaceInteraction {
         if direction.dot(normal) * self.wo.dot(normal) > 0.0 { start + self.retreat } else { start }
     }
 
-    /// The segment from here to `target`, a point that is already off its own surface.
+    /// The segment from here to `target`, a point that has already been moved off its own surface.
     #[inline]
     pub fn spawn_to(&self, target: Vec3) -> Ray {
         Ray::segment(self.start_towards(target - self.point.position), target)
     }
 }
 
-/// Smallest cosine between shading normal and geometric normal. Photons are weighted by up to its inverse (`bsdf::Bend`), which
-/// must not grow without bound where the normals of a mesh's vertices contradict each other.
+/// Smallest cosine between shading normal and geometric normal. Photons are weighted by up to its inverse (`bsdf::Bend`), which must
+/// remain bounded where the vertex normals of a mesh contradict each other.
 const LEAST_NORMAL_COSINE: f32 = 0.1;
 
-/// The unit shading normal, bent to the unit geometric normal on whose side it is as far as [`LEAST_NORMAL_COSINE`] asks for.
+/// The unit shading normal, bent towards the unit geometric normal on the same side until their cosine reaches [`LEAST_NORMAL_COSINE`].
 #[inline]
 pub(super) fn within_reach(shading: Vec3, geometric: Vec3) -> Vec3 {
     let cosine = shading.dot(geometric);
@@ -547,7 +543,7 @@ pub(super) fn within_reach(shading: Vec3, geometric: Vec3) -> Vec3 {
     along.map_or(geometric, |along| geometric * LEAST_NORMAL_COSINE + along * sine)
 }
 
-/// A point on a light for a shadow ray to end at, moved off the light's surface towards `from`.
+/// A point on a light at which a shadow ray ends, moved off the light's surface towards `from`.
 pub fn shadow_target(position: DVec3, error: Vec3, normal: Vec3, from: Vec3) -> Vec3 {
     let point = SurfacePoint::new(position, error, normal.as_dvec3(), Vec2::ZERO);
     let point = HitPoint::on_procedural(&point);

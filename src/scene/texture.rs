@@ -1,4 +1,4 @@
-//! Textures of materials, resolved where a surface is hit.
+//! Textures of materials, evaluated where a surface is hit.
 
 use super::layered::LayeredMaterial;
 use super::render_space::RenderSpace;
@@ -9,33 +9,33 @@ use crate::textures::SolidTexture;
 use glam::Vec3;
 use std::sync::Arc;
 
-/// What varies over the surfaces of a material. Materials without textures have the default, which costs nothing.
+/// Parameters that vary over the surfaces of a material. Materials without textures have the default, which costs nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialTexture {
     /// Factor on the reflectance.
     pub colour: Option<SolidTexture>,
-    /// Tilts the shading normal.
+    /// Bump map that tilts the shading normal.
     pub bump: Option<Bump>,
-    /// Parameters of a material of glTF.
+    /// Parameters of a glTF material.
     pub layers: Option<Arc<LayeredMaterial>>,
 }
 
-/// A surface raised by a pattern, as far as its normals show it.
+/// Bump map: a surface raised by a pattern, of which only the normals change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bump {
-    /// The pattern; its colours do not count.
+    /// The pattern; its colours are ignored.
     pub texture: SolidTexture,
-    /// Height in metres of a pattern value of 1 over one of 0.
+    /// Height in metres of the pattern's value 1 above its value 0.
     pub height: f64,
 }
 
 impl MaterialTexture {
-    /// True where nothing varies.
+    /// Whether nothing varies.
     pub fn is_plain(&self) -> bool {
         self.colour.is_none() && self.bump.is_none() && self.layers.is_none()
     }
 
-    /// Looks the textures up at a hit; `pixel` is the width of a pixel at distance 1.
+    /// Evaluates the textures at a hit; `pixel` is the width of a pixel at distance 1.
     pub(super) fn apply(&self, hit: &mut SurfaceInteraction, space: &RenderSpace, pixel: f32) {
         let world = hit.point.position.as_dvec3() / space.scale + space.center;
         let width = f64::from(pixel) * f64::from(hit.distance) / space.scale;
@@ -60,8 +60,8 @@ fn is_beside(shading: Vec3, geometric: Vec3) -> bool {
     shading.dot(geometric) > 0.0
 }
 
-/// The BSDF with its reflectance, or what is diffuse of it, multiplied by `tint`. Metals and interfaces between media have
-/// a colour of their own.
+/// The BSDF with its reflectance, or its diffuse component, multiplied by `tint`. Metals and interfaces between media keep their own
+/// colour.
 pub(super) fn tinted(bsdf: Bsdf, tint: Rgb) -> Bsdf {
     match bsdf {
         Bsdf::Lambert(mut lambert) => {

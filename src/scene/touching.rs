@@ -1,5 +1,5 @@
-//! Finds where surfaces of a scene may touch: boxes around all places where a border between media, or a flat emitter, and another
-//! surface are within rounding of each other. Too many boxes cost time, and too few would lose a surface, so all bounds are wide.
+//! Search for places where surfaces may touch: boxes around all places where an interface between media or a flat emitter is within
+//! rounding of another surface. Additional boxes cost time, but a missing one would lose a surface; all bounds are therefore wide.
 
 use super::parts::{Geometry, Node, SceneParts, Surface};
 use super::surface::{HitPoint, Placement};
@@ -9,19 +9,19 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// What was found.
+/// Result of the search.
 pub(super) struct Touching {
-    /// By surface: where it may touch another.
+    /// For each surface, the boxes in which it may touch another one.
     pub boxes: Vec<Vec<Bounds3>>,
-    /// Half the length of a segment that meets all surfaces that touch at its middle, with room.
+    /// Half the length of a segment that meets all surfaces that touch at its centre, with some room.
     pub reach: f32,
-    /// Bound on the distance within which surfaces touch.
+    /// Bound on the distance of surfaces that touch.
     pub distance: f32,
     /// Surfaces that may touch, each pair once.
     pub pairs: Vec<[u32; 2]>,
 }
 
-/// A surface where it stands.
+/// A surface with its placement in the scene.
 struct Object<'a> {
     surface: u32,
     geometry: &'a Geometry,
@@ -30,25 +30,25 @@ struct Object<'a> {
     kind: Kind,
 }
 
-/// What makes it matter that a surface touches another.
+/// The property that makes contacts of a surface relevant.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// Nothing, unless the other one has a reason.
+    /// None: contacts matter only if the other surface has one of these properties.
     Plain,
-    /// It emits, and is flat.
+    /// It is a flat emitter.
     Emitter,
-    /// It bounds media somewhere.
+    /// It is an interface between media somewhere.
     Border,
 }
 
-/// Something with a place in the search for what overlaps.
+/// A box in the search for overlaps.
 #[derive(Clone, Copy)]
 struct Item {
     min: Vec3,
     max: Vec3,
     /// Number of the object.
     object: u32,
-    /// Primitive; unused for objects as a whole.
+    /// Number of the primitive; unused for whole objects.
     primitive: u32,
     kind: Kind,
 }
@@ -59,8 +59,8 @@ impl Item {
     }
 }
 
-/// Room for rounding around what is compared by boxes, render space: no error of a hit is larger, but on shapes much larger
-/// than the scene's own radius, which are no part of the scene.
+/// Room for rounding around compared boxes, render space. No error of a hit is larger, except on shapes much larger than the scene's own
+/// radius, which are not part of the scene.
 const ROOM: f64 = 64.0 * f32::EPSILON as f64;
 
 /// `None` where nothing touches.
@@ -80,7 +80,7 @@ pub(super) fn find_touching(parts: &SceneParts) -> Option<Touching> {
     let objects = objects_of(parts, kind_of);
     let wholes: Vec<Item> =
         (0u32..).zip(&objects).map(|(number, object)| item(&object.bounds, number, 0, object.kind)).collect();
-    // Which objects may touch which; a mesh may touch itself.
+    // Candidate pairs of objects; a mesh may touch itself.
     let mut partners: Vec<Vec<u32>> = vec![Vec::new(); objects.len()];
     for [a, b] in join(&wholes, &|a, b| vec![[a.object, b.object]]) {
         partners[a as usize].push(b);
@@ -122,7 +122,7 @@ pub(super) fn find_touching(parts: &SceneParts) -> Option<Touching> {
     }
     pairs.sort_unstable();
     pairs.dedup();
-    // The segment starts at a place that is rounded itself.
+    // The starting point of the segment is rounded as well.
     let reach = (2.0 * distance + ROOM) as f32;
     Some(Touching { boxes, reach, distance: distance as f32, pairs })
 }
@@ -137,7 +137,7 @@ fn grown(bounds: &Bounds3, by: f64) -> Bounds3 {
 }
 
 fn objects_of<'a>(parts: &'a SceneParts, kind_of: impl Fn(&Surface) -> Kind + Sync) -> Vec<Object<'a>> {
-    // A prototype's surfaces reach up to the first one of something else.
+    // A prototype's surfaces extend to the first surface of the next node.
     let mut firsts: Vec<u32> = parts
         .nodes
         .iter()
@@ -181,7 +181,7 @@ fn around(corners: [[f32; 3]; 3]) -> Bounds3 {
 }
 
 impl Object<'_> {
-    /// Its primitives that come near one of the boxes.
+    /// Its primitives that come close to one of the boxes.
     fn items(&self, number: u32, near: Vec<Item>) -> Vec<Item> {
         if near.is_empty() {
             return Vec::new();
@@ -228,7 +228,7 @@ impl Object<'_> {
     fn error(&self, primitive: u32) -> f64 {
         let Geometry::Mesh(mesh) = self.geometry else { return ROOM };
         let corners = mesh.buffers.corners(primitive);
-        // The bound depends on the place little, and is largest at a corner.
+        // The bound depends only weakly on the position, and is largest at a corner.
         let at = |uv| {
             let point = HitPoint::on_triangle(corners, uv)?;
             Some(self.placement.map_or(point, |placement| point.transformed(placement)).offset)
@@ -237,7 +237,7 @@ impl Object<'_> {
         f64::from(errors.fold(0.0, f32::max))
     }
 
-    /// Where primitive `own` may touch primitive `its` of another object, and how far apart they can be there.
+    /// Boxes in which primitive `own` may touch primitive `its` of another object, each with the largest distance between them there.
     fn touches(&self, own: u32, other: &Object<'_>, its: u32) -> Vec<(Bounds3, f64)> {
         match (self.corners(own), other.corners(its)) {
             (Some(a), Some(b)) => {
@@ -261,7 +261,7 @@ impl Object<'_> {
         }
     }
 
-    /// False where no point of the primitive is in the box.
+    /// Returns `false` only where no point of the primitive is in the box.
     fn may_be_in(&self, primitive: u32, region: &Bounds3) -> bool {
         match self.geometry {
             Geometry::Mesh(_) => self
@@ -276,7 +276,7 @@ impl Object<'_> {
     }
 }
 
-/// Whether a triangle may meet a box: by its plane and its own box.
+/// Whether a triangle may intersect a box, judged by its plane and its own bounding box.
 fn triangle_may_be_in([a, b, c]: [DVec3; 3], region: &Bounds3) -> bool {
     let own = Bounds3::of_points([a, b, c]);
     let overlaps = own.min.cmple(region.max).all() && region.min.cmple(own.max).all();
@@ -285,7 +285,7 @@ fn triangle_may_be_in([a, b, c]: [DVec3; 3], region: &Bounds3) -> bool {
     overlaps && normal.dot(region.min + half - a).abs() <= normal.abs().dot(half)
 }
 
-/// The parts of a box in which both shapes may be, halved again and again as long as they are few and larger than rounding.
+/// The parts of a box that may contain both shapes. Parts are halved repeatedly as long as they are few and larger than rounding.
 fn divided(whole: Bounds3, may_be_in: impl Fn(&Bounds3) -> bool) -> Vec<Bounds3> {
     const MANY: usize = 256;
     const STEPS: u32 = 48;
@@ -312,7 +312,7 @@ fn divided(whole: Bounds3, may_be_in: impl Fn(&Bounds3) -> bool) -> Vec<Bounds3>
     parts
 }
 
-/// Whether a glance tells that triangle `b` shares no area with `a`: it lies beyond an edge, as neighbours do, or off the plane.
+/// Quick test that triangle `b` shares no area with `a`: it lies beyond an edge, as neighbours do, or off the plane.
 fn is_apart(a: [DVec3; 3], b: [DVec3; 3]) -> bool {
     let normal = (a[1] - a[0]).cross(a[2] - a[0]);
     let room = ROOM * normal.length();
@@ -320,7 +320,7 @@ fn is_apart(a: [DVec3; 3], b: [DVec3; 3]) -> bool {
     let is_beyond = |i: usize| {
         let (p, edge) = (a[i], a[(i + 1) % 3] - a[i]);
         let out = edge.cross(normal);
-        // By rounding of what is compared, and no more: neighbours touch to the bit.
+        // Allows only for the rounding of this comparison: neighbours touch exactly.
         let least = -1e-12 * out.length() * edge.length();
         b.iter().all(|q| out.dot(q - p) >= least)
     };
@@ -329,10 +329,10 @@ fn is_apart(a: [DVec3; 3], b: [DVec3; 3]) -> bool {
         || (0..3).any(is_beyond)
 }
 
-/// Where two triangles lie in each other: within `room` of one plane, over an area that is more than a line. `None` for those
-/// that only share an edge, or cross.
+/// Overlap of two triangles that lie within `room` of one plane, over an area and not just a line. `None` for triangles that only share
+/// an edge, or that cross.
 fn overlap_of_triangles(a: [DVec3; 3], b: [DVec3; 3], room: f64) -> Option<Bounds3> {
-    /// Largest sine between the planes: at a larger angle they are within rounding along a line only.
+    /// Largest sine between the planes: at a larger angle the planes are within rounding only along a line.
     const STEEPEST: f64 = 1.0 / 16.0;
     let normal_of = |[p, q, r]: [DVec3; 3]| unit_f64((q - p).cross(r - p));
     let (normal, other) = (normal_of(a)?, normal_of(b)?);
@@ -365,11 +365,11 @@ fn overlap_of_triangles(a: [DVec3; 3], b: [DVec3; 3], room: f64) -> Option<Bound
     let area: f64 =
         rest.windows(2).map(|pair| 0.5 * (pair[0] - first).cross(pair[1] - first).dot(normal)).sum();
     let length = rest.iter().map(|p| (p - first).length()).fold(0.0, f64::max);
-    // Narrower than rounding is a line.
+    // A polygon narrower than rounding counts as a line.
     (area.abs() > room * length).then(|| Bounds3::of_points(polygon.iter().copied()))
 }
 
-/// What `found` says of each pair of items that overlap, one of which at least is not plain; the same in every run.
+/// Results of `found` for each pair of overlapping items of which at least one is not plain; the same in every run.
 fn join<T: Send>(items: &[Item], found: &(impl Fn(&Item, &Item) -> Vec<T> + Sync)) -> Vec<T> {
     let is_somewhere = |id: &u32| items[*id as usize].min.cmple(items[*id as usize].max).all();
     let all: Vec<u32> = (0..items.len() as u32).filter(is_somewhere).collect();
@@ -383,9 +383,9 @@ fn join_within<T: Send>(
     depth: u32,
     found: &(impl Fn(&Item, &Item) -> Vec<T> + Sync),
 ) -> Vec<T> {
-    /// So few are compared each with each.
+    /// Up to this number, all pairs are compared.
     const FEW: usize = 16;
-    /// So many are worth a second thread.
+    /// From this number on, a second thread is worthwhile.
     const MANY: usize = 1024;
     const DEEPEST: u32 = 64;
     if members.len() < 2 || !members.iter().any(|&id| items[id as usize].kind != Kind::Plain) {
@@ -412,7 +412,7 @@ fn join_within<T: Send>(
             if a.kind == Kind::Plain && b.kind == Kind::Plain || !a.overlaps(b) {
                 continue;
             }
-            // A pair that is in several cells belongs to the one with the lower corner of what they share.
+            // A pair that lies in several cells belongs to the cell with the lower corner of the pair's overlap.
             let corner = a.min.max(b.min);
             if corner.cmpge(cell.0).all() && corner.cmplt(cell.1).all() {
                 all.extend(found(a, b));
@@ -422,7 +422,8 @@ fn join_within<T: Send>(
     all
 }
 
-/// An axis, a place on it, and what is below and above that, where both are clearly fewer. What lies across is in both.
+/// An axis, a position on it, and the members below and above it, where each side has clearly fewer members. Members that cross the
+/// position are in both.
 fn halves(items: &[Item], members: &[u32]) -> Option<(usize, f32, Vec<u32>, Vec<u32>)> {
     let center = |id: u32| 0.5 * (items[id as usize].min + items[id as usize].max);
     let (low, high) = members.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &id| {

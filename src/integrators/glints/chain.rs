@@ -1,4 +1,4 @@
-//! Chains of specular surfaces that can be followed again.
+//! Chains of specular surfaces that can be followed again from another camera ray.
 
 use crate::bsdf::Lobe;
 use crate::integrators::specular::SPLIT_DEPTH;
@@ -9,35 +9,35 @@ use crate::scene::{Scene, Shading, SurfaceInteraction};
 use crate::transport::{Event, next_event};
 use glam::Vec2;
 
-/// Surfaces that a chain may have to be followed again.
+/// Largest number of surfaces in a chain that can be followed again.
 const LONGEST: u32 = 64;
 
-/// Specular lobes followed since the camera, and nothing else.
+/// The specular lobes that a path followed since the camera, and nothing else.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(in crate::integrators) struct Chain {
-    /// By surface, the first lowest: one for refraction.
+    /// One bit per surface, the first one lowest: set for refraction.
     transmissions: u64,
     length: u32,
-    /// Of the surfaces.
+    /// Hash of the surfaces.
     hash: u32,
 }
 
 /// The end of a chain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChainEnd {
-    /// Leaves the last surface.
+    /// The ray that leaves the last surface.
     pub ray: Ray,
-    /// What the ray is in.
+    /// Medium stack of the ray.
     pub medium: MediumStack,
-    /// Radiance that arrives at the camera over that of the ray.
+    /// Radiance that arrives at the camera over the radiance along the ray.
     pub throughput: Rgb,
-    /// About the probability with which a camera sample follows this chain and no other: that of the ways taken where interfaces are
-    /// many. A function of place and chain alone.
+    /// Approximate probability with which a camera sample follows this chain and no other: the product of the choices made where there
+    /// are many interfaces. It depends on place and chain alone.
     pub chance: f32,
 }
 
 impl Chain {
-    /// With one surface more, by its specular lobe; `None` where that mirrors in two ways.
+    /// The chain extended by the specular lobe of another surface; `None` where that lobe mirrors in two directions.
     pub(in crate::integrators) fn after(
         self,
         hit: &SurfaceInteraction,
@@ -50,7 +50,7 @@ impl Chain {
         if self.length >= LONGEST {
             return Some(Self { length: LONGEST + 1, ..self });
         }
-        // Where it is flat, another primitive is another direction; where its normals are interpolated, it is not.
+        // On a flat face, another primitive reflects in another direction; with interpolated normals it does not.
         let is_flat = hit.shading_normal == hit.point.normal;
         let face = if is_flat { hit.primitive } else { 0 };
         let hash = (self.hash ^ hit.surface).wrapping_mul(0x9e37_79b1) ^ face.wrapping_mul(0x85eb_ca6b);
@@ -61,17 +61,17 @@ impl Chain {
         })
     }
 
-    /// Whether it has no surface.
+    /// Whether it contains no surface.
     pub(in crate::integrators) fn is_empty(&self) -> bool {
         self.length == 0
     }
 
-    /// Whether it has too many surfaces to be followed again.
+    /// Whether it contains too many surfaces to be followed again.
     pub(super) fn is_lost(&self) -> bool {
         self.length > LONGEST
     }
 
-    /// Follows another ray over the same surfaces in the same ways; `None` where it does not meet them.
+    /// Follows another ray over the same surfaces with the same choices; `None` where the ray does not meet them.
     pub(super) fn follow(&self, scene: &Scene, mut ray: Ray, mut medium: MediumStack) -> Option<ChainEnd> {
         if self.is_lost() {
             return None;
@@ -85,7 +85,7 @@ impl Chain {
             let shading = scene.shading_within(&hit, medium);
             let transmission = (self.transmissions >> other.length) & 1 == 1;
             let reflected = shading.bsdf.reflection_probability(shading.wo_local);
-            // Zero chooses reflection, the largest number refraction.
+            // Zero selects reflection; the largest number selects refraction.
             let (u, share) =
                 if transmission { (ONE_MINUS_EPSILON, 1.0 - reflected) } else { (0.0, reflected) };
             let sample = shading.sample_lobe(Lobe::Specular, u, Vec2::ZERO)?;

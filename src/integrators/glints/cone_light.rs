@@ -1,11 +1,12 @@
-//! Lamps that mirrors and glass show to a glossy surface.
+//! Cone lights: small emitters that a mirror or glass shows to a glossy surface.
 //!
-//! A ray of a glossy lobe goes on from a mirror and meets a lamp: what the camera sees is no image of the lamp, but its light spread over
-//! the lobe. No shadow ray finds it and the chance to meet it is small, so that it comes as white dots. The mirror is therefore taken
-//! for less sharp than it is there (path-space regularisation: Kaplanyan & Dachsbacher, "Path Space Regularization for Holistic and
-//! Robust Light Transport", Eurographics 2013): light of small lamps is spread over a cone around the mirrored direction and found by
-//! shadow rays. The cone is as wide as what the ray stands for, among the others of its lobe and pixel, is spread by
-//! the mirror: it vanishes as samples become many, and what a mirror shows sharply itself is not touched.
+//! A ray of a glossy lobe continues at a mirror and hits an emitter. What the camera sees is not an image of the emitter but its light
+//! spread over the lobe. No shadow ray finds this light and the probability of hitting it is small, so that it appears as white dots.
+//! The mirror is therefore treated as less sharp than it is (path-space regularisation: Kaplanyan & Dachsbacher, "Path Space
+//! Regularization for Holistic and Robust Light Transport", Eurographics 2013): the light of small emitters is spread over a cone around
+//! the mirrored direction and found by shadow rays. A ray represents a cone of directions among the samples of its lobe and pixel; the
+//! cone here is as wide as the mirror spreads those directions. Its width vanishes as the number of samples grows, and what a mirror
+//! shows sharply by itself is not changed.
 
 use super::finder::{GlintFinder, Lamp};
 use crate::bsdf::Lobe;
@@ -19,25 +20,25 @@ use crate::transport::{Event, next_event, receiver, transmittance};
 use glam::Vec2;
 use std::f32::consts::{PI, TAU};
 
-/// Tangent of the angle under which a lamp is seen up to which its light is spread.
+/// Tangent of the largest angle under which an emitter is seen whose light is spread.
 const LARGEST_LAMP: f32 = 0.1;
 
 /// Tangent of the angle of the widest cone.
 const WIDEST: f32 = 0.5;
 
-/// Tangent of the angle of a cone for which a ray drawn with this density per solid angle, one of `count` of the same camera
-/// sample, stands. Camera samples make it narrower ([`GlintFinder::widened`]).
+/// Ray-cone spread: tangent of the angle of the cone that a ray represents which was sampled with this density per solid angle, as one
+/// of `count` rays of the same camera sample. Further camera samples make it narrower ([`GlintFinder::widened`]).
 ///
-/// By the root of their count and not in proportion: each ray's cone would else be smaller by as much as they are more, and noise
-/// would not shrink.
+/// The solid angle is divided by the root of their count and not by the count itself. Otherwise the cone of each ray would shrink as
+/// fast as their number grows, and the noise would not decrease.
 pub(in crate::integrators) fn spread_of(pdf: f32, count: u32) -> f32 {
     (1.0 / (PI * pdf * (count as f32).sqrt())).sqrt()
 }
 
 impl GlintFinder<'_> {
-    /// Radiance that a specular lobe sends back along the ray `before`, of lamps that shadow rays find in a cone around where
-    /// that lobe continues it: with the `branch`, whose [`Branch::throughput`] is contained. A pixel has this many
-    /// `camera_samples`.
+    /// Radiance that a specular lobe sends back along the ray `before`, of small emitters that shadow rays find in a cone around the
+    /// lobe's continuation. `branch` is that continuation, and its [`Branch::throughput`] is included. `camera_samples` is the number of
+    /// samples of the pixel.
     pub(in crate::integrators) fn widened(
         &self,
         (before, branch): (&Branch, &Branch),
@@ -56,14 +57,14 @@ impl GlintFinder<'_> {
             if !(across.length() < (WIDEST + LARGEST_LAMP) * along) {
                 continue;
             }
-            // No wider where the density is next to nothing.
+            // Limits the width where the sampling density is close to zero.
             let spread = (before.spread / camera_samples.max(1.0).powf(0.25)).min(WIDEST);
             let least = spread.max(lamp.radius / along);
             let u = samples.next_2d();
             let width = self.moved_aside((before, branch), (hit, shading), (lamp, along), spread, u.x * TAU);
             let width =
                 width.filter(|width| width.is_finite()).unwrap_or(least).clamp(least.min(WIDEST), WIDEST);
-            // One less the cosine, without the rounding of that of a narrow cone.
+            // One minus the cosine, without the rounding error of the cosine of a narrow cone.
             let secant_squared = 1.0 + width * width;
             let versine = width * width / (secant_squared + secant_squared.sqrt());
             let at = receiver(self.scene, hit);
@@ -84,13 +85,13 @@ impl GlintFinder<'_> {
         sum
     }
 
-    /// Whether [`Self::widened`] has found the light of a lamp already that the ray it widened meets.
+    /// Whether [`Self::widened`] has already counted the light of the emitter that its continued ray hits.
     pub(in crate::integrators) fn has_widened(&self, id: LightId, ray: &Ray) -> bool {
         self.lamps.iter().any(|lamp| lamp.id == id && lamp.is_below(ray, LARGEST_LAMP))
     }
 
-    /// Tangent of the angle by which the continued ray moves at the lamp where the one before it starts in a direction beside;
-    /// `None` where that does not meet the same surface.
+    /// Tangent of the angle by which the continued ray moves at the emitter if the ray before it starts in a neighbouring direction.
+    /// `None` where that ray does not meet the same surface.
     fn moved_aside(
         &self,
         (before, branch): (&Branch, &Branch),

@@ -1,4 +1,4 @@
-//! Looking for glints.
+//! Glint finder: searches for emitters behind specular chains before the image is rendered.
 
 use super::chain::{Chain, ChainEnd};
 use crate::camera::{Camera, CameraRay, FilmPlace};
@@ -13,43 +13,44 @@ use crate::transport::{Arrival, Event, next_event};
 use glam::{Mat2, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// How far beside a ray of the camera the two others start, pixels; the first that meet the same surfaces.
+/// Offsets in pixels at which the two neighbours of a camera ray start; the first offset at which the neighbour meets the same surfaces
+/// is used.
 const STEPS_BESIDE: [f32; 4] = [NARROW * 16.0, NARROW * -16.0, NARROW, -NARROW];
 
-/// The least of those.
+/// Smallest of these offsets.
 const NARROW: f32 = 1.0 / 512.0;
 
-/// Tangent of the angle between a ray and a lamp up to which the lamp is looked for.
+/// Tangent of the largest angle between a ray and an emitter at which the search starts.
 const NEAR: f32 = 0.5;
 
-/// Steps of Newton's method, and how often one is halved where it leads away from the lamp.
+/// Largest number of steps of Newton's method, and how often a step is halved where it leads away from the emitter.
 const STEPS: u32 = 8;
 const HALVINGS: u32 = 4;
 
-/// Pixels that a single step may go.
+/// Largest length of a single step, pixels.
 const LONGEST_STEP: f32 = 2.0;
-/// As far as glints may lie from the places that they are looked for from.
+/// Largest distance of a glint from the place where its search started, pixels.
 pub const FARTHEST_GLINT: f32 = 6.0;
 
-/// A lamp is found where a ray passes its middle by less than this share of its radius.
+/// An emitter is found where a ray passes its centre within this share of its radius.
 const CLOSE: f32 = 0.1;
 
-/// Ellipses are larger than the image of the lamp by this, as that is no ellipse.
+/// Factor by which ellipses are larger than the image of the emitter, because that image is not an exact ellipse.
 const MARGIN: f32 = 1.3;
 
-/// Longest half axis of an ellipse, pixels.
+/// Longest semi-axis of an ellipse, pixels.
 const LONGEST_AXIS: f32 = 1.0;
 
-/// Points of an ellipse at which it is asked what a chain lets pass, beside its middle.
+/// Number of points of an ellipse, beside its centre, at which the throughput of the chain is evaluated.
 const AROUND: u32 = 6;
 
-/// What a chain is taken to let pass, at least: what it lets pass elsewhere in the ellipse may be more than was found.
+/// Smallest assumed throughput of a chain: elsewhere in the ellipse the throughput may be larger than the values that were found.
 const LEAST_THROUGHPUT: f32 = 0.02;
 
-/// Images of this area need no help, square pixels.
+/// Images with at least this area need no help, square pixels.
 const LARGEST: f32 = 1.0;
 
-/// A lamp behind a chain of specular surfaces.
+/// An emitter behind a specular chain, with the place where the image shows it.
 #[derive(Clone, Copy, Debug)]
 pub struct Glint {
     pub(super) chain: Chain,
@@ -58,23 +59,24 @@ pub struct Glint {
     pub(super) weight: f32,
 }
 
-/// An ellipse on the picture.
+/// An ellipse on the image plane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ellipse {
-    /// The middle of a pixel, pixels from the corner of the picture.
+    /// Centre of a pixel, in pixels from the corner of the image.
     pixel: Vec2,
-    /// Its own middle from there: pixels from the corner of the picture are too coarse for ellipses of a thousandth of one.
+    /// Centre of the ellipse relative to the pixel's centre. Pixels from the corner of the image are too coarse for ellipses of a
+    /// thousandth of a pixel.
     center: Vec2,
-    /// Unit direction of the first of its axes.
+    /// Unit direction of its first axis.
     axis: Vec2,
-    /// Half axes, pixels.
+    /// Semi-axes, pixels.
     radii: Vec2,
 }
 
 impl Ellipse {
-    /// Of all that is within `radius` of the middle of a lamp, where a pixel moves the ray by `moves` there.
+    /// Ellipse of all points within `radius` of the centre of an emitter, where a step of one pixel moves the ray by `moves` there.
     fn image((pixel, center): (Vec2, Vec2), radius: f32, moves: Mat2) -> Self {
-        // The axes of the symmetric matrix M^T M.
+        // Axes of the symmetric matrix M^T M.
         let (xx, yy) = (moves.x_axis.length_squared(), moves.y_axis.length_squared());
         let xy = moves.x_axis.dot(moves.y_axis);
         let axis = Vec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
@@ -86,46 +88,46 @@ impl Ellipse {
         PI * self.radii.element_product()
     }
 
-    /// Longest half axis.
+    /// Longest semi-axis.
     pub(super) fn reach(&self) -> f32 {
         self.radii.max_element()
     }
 
-    /// Its middle, pixels from the corner of the picture.
+    /// Its centre, in pixels from the corner of the image.
     pub(super) fn middle(&self) -> Vec2 {
         self.pixel + self.center
     }
 
-    /// Its middle, from that of a `pixel`.
+    /// Its centre relative to the centre `pixel` of a pixel.
     pub(super) fn offset_from(&self, pixel: Vec2) -> Vec2 {
         (self.pixel - pixel) + self.center
     }
 
-    /// Whether it contains what is at this `offset` from the middle of a `pixel`.
+    /// Whether it contains the point at `offset` from the centre `pixel` of a pixel.
     pub(super) fn contains(&self, pixel: Vec2, offset: Vec2) -> bool {
         let offset = offset - self.offset_from(pixel);
         (Vec2::new(offset.dot(self.axis), offset.dot(self.axis.perp())) / self.radii).length_squared() < 1.0
     }
 
-    /// Whether the middle of another is nearer to that of this than such a `share` of this.
+    /// Whether the centre of `other` lies within this ellipse scaled by `share`.
     pub(super) fn is_near(&self, other: &Self, share: f32) -> bool {
         self.contains(self.pixel, self.center + (other.offset_from(self.pixel) - self.center) / share)
     }
 
-    /// From its middle to the point of the ellipse for one of the unit disc.
+    /// Offset from its centre of the point that corresponds to a point of the unit disc.
     pub(super) fn at(&self, disc: Vec2) -> Vec2 {
         let scaled = disc * self.radii;
         self.axis * scaled.x + self.axis.perp() * scaled.y
     }
 }
 
-/// A lamp as a disc.
+/// A small emitter, treated as a disc.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lamp {
     pub id: LightId,
-    /// Of a sphere around it; of the sun the unit direction to it.
+    /// Centre of the bounding sphere; for the sun, the unit direction towards it.
     centre: Vec3,
-    /// Of that sphere; of the sun its tangent.
+    /// Radius of the bounding sphere; for the sun, the tangent of its angular radius.
     pub radius: f32,
     /// Radiance, brightest channel.
     radiance: f32,
@@ -148,7 +150,8 @@ impl Lamp {
         }
     }
 
-    /// How far along a ray its middle is, and where from there, across the ray. `None` where that is behind.
+    /// Distance along a ray to the point closest to its centre, and the offset from there to the centre, across the ray. `None` where
+    /// the centre is behind.
     pub(super) fn seen_from(&self, ray: &Ray) -> Option<(f32, Vec3)> {
         let offset = if self.is_sun { self.centre } else { self.centre - ray.origin };
         let along = offset.dot(ray.direction);
@@ -156,26 +159,26 @@ impl Lamp {
         (along > 0.0).then(|| if self.is_sun { (1.0, across / along) } else { (along, across) })
     }
 
-    /// Whether a ray that meets it sees it under an angle below that of this `tangent`.
+    /// Whether a ray towards it sees it under an angle whose tangent is below `tangent`.
     pub(super) fn is_below(&self, ray: &Ray, tangent: f32) -> bool {
         self.seen_from(ray).is_some_and(|(along, _)| self.radius < tangent * along)
     }
 
-    /// Tangent of the angle between a ray and its middle.
+    /// Tangent of the angle between a ray and the direction to its centre.
     fn miss(&self, ray: &Ray) -> Option<f32> {
         self.seen_from(ray).map(|(along, across)| across.length() / along)
     }
 }
 
-/// A ray behind a chain, as the camera sees it.
+/// A ray behind a specular chain, with the camera ray it comes from.
 struct Seen<'a> {
     camera: &'a CameraRay<'a>,
     chain: Chain,
-    /// Leaves the last surface.
+    /// The ray that leaves the last surface.
     ray: Ray,
 }
 
-/// Looks for lamps in glass and mirrors.
+/// Searches for emitters behind specular chains.
 #[derive(Clone, Debug)]
 pub struct GlintFinder<'a> {
     pub(super) scene: &'a Scene,
@@ -185,14 +188,14 @@ pub struct GlintFinder<'a> {
 }
 
 impl<'a> GlintFinder<'a> {
-    /// For chains shorter than `max_depth` from a camera in `camera_medium`.
+    /// For chains shorter than `max_depth`, from a camera in `camera_medium`.
     pub fn new(scene: &'a Scene, camera_medium: MediumStack, max_depth: u32) -> Self {
         let lamps = scene.lights().iter().zip(0..).filter_map(|(light, id)| Lamp::new(light, id)).collect();
         Self { scene, camera_medium, max_depth, lamps }
     }
 
-    /// What is found from one place of the picture, and in how many ways the camera's ray itself meets lamps there that so many
-    /// samples of its pixel (`of_pixel`) would meet less than once in the mean; shares where interfaces split it.
+    /// Glints found from one place of the image. Also counts the emitters that the camera's ray itself hits there and that `of_pixel`
+    /// samples of its pixel would hit less than once on average; branches that interfaces split count by their shares.
     pub fn look(
         &self,
         (camera, place): (&Camera, FilmPlace),
@@ -237,7 +240,7 @@ impl<'a> GlintFinder<'a> {
         (found, met)
     }
 
-    /// The place of the picture from which the chain leads to the middle of the lamp.
+    /// Solves for the place of the image from which the chain leads to the centre of the emitter.
     fn solve(&self, lamp: &Lamp, seen: &Seen<'_>) -> Option<Glint> {
         let start = seen.camera.place();
         let mut miss = lamp.miss(&seen.ray).filter(|&miss| miss < NEAR)?;
@@ -250,7 +253,7 @@ impl<'a> GlintFinder<'a> {
                 let ellipse =
                     Ellipse::image((start.center, start.offset + offset), MARGIN * lamp.radius, moves);
                 let end = self.end(seen, offset)?;
-                // What interfaces let pass may change a thousandfold across an ellipse, as at the border of total reflection.
+                // The throughput of interfaces may vary a thousandfold across an ellipse, as at the limit of total reflection.
                 let around = (0..AROUND).filter_map(|i| {
                     let disc = 0.7 * Vec2::from_angle(i as f32 * TAU / AROUND as f32);
                     Some(self.end(seen, offset + ellipse.at(disc))?.throughput.max_element())
@@ -287,16 +290,16 @@ impl<'a> GlintFinder<'a> {
         None
     }
 
-    /// [`ChainEnd::chance`] of a camera's ray.
+    /// [`ChainEnd::chance`] of a camera ray.
     pub(super) fn chance(&self, camera: &CameraRay<'_>, chain: &Chain) -> Option<f32> {
         Some(chain.follow(self.scene, camera.ray, self.camera_medium)?.chance)
     }
 
-    /// About how often so many `samples` of a pixel, drawn with this `density` per square pixel, meet a lamp behind a chain in the place
-    /// where the camera's ray does, at most one: what its light counts for.
+    /// Weight of an emitter that is hit behind a chain: about how often `samples` of a pixel, sampled with this `density` per square
+    /// pixel, hit it in the same part of the image as the camera's ray, at most one.
     ///
-    /// A lamp that few pictures show in this place, as its image is that small, is then no brighter in those than its image is in the
-    /// mean of all. What is left out vanishes as samples become many.
+    /// An emitter whose image is so small that few renderings show it there is then no brighter in those than its image is on average
+    /// over all renderings. The light that is left out vanishes as the number of samples grows.
     pub(super) fn certainty(
         &self,
         camera: &CameraRay<'_>,
@@ -304,7 +307,7 @@ impl<'a> GlintFinder<'a> {
         (id, ray): (LightId, &Ray),
         (samples, density): (f32, f32),
     ) -> f32 {
-        // Of what is all around, many ways show some.
+        // An emitter that covers a large angle is visible on many paths.
         let lamp = self.lamps.iter().find(|lamp| lamp.id == id).filter(|lamp| lamp.is_below(ray, NEAR));
         let Some(lamp) = lamp else { return 1.0 };
         let area = || {
@@ -314,18 +317,19 @@ impl<'a> GlintFinder<'a> {
             let (_, moves) = self.motion(lamp, &seen, Vec2::ZERO, &end.ray, along)?;
             Some(PI * lamp.radius * lamp.radius / moves.determinant().abs() * end.chance)
         };
-        // Where no ray beside it meets the same surfaces, all that is seen so is smaller than the way between them.
+        // Where no neighbouring ray meets the same surfaces, the image is smaller than the distance between the rays.
         let area = area().unwrap_or(NARROW * NARROW);
-        // False as well for what is not a number, where all of the picture shows the lamp.
+        // The comparison is also false for NaN, where the whole image shows the emitter.
         if samples * density * area < 1.0 { samples * density * area } else { 1.0 }
     }
 
-    /// The chain followed from so many pixels beside the camera's ray.
+    /// Follows the chain from a place `offset` pixels beside the camera's ray.
     fn end(&self, seen: &Seen<'_>, offset: Vec2) -> Option<ChainEnd> {
         seen.chain.follow(self.scene, seen.camera.beside(offset), self.camera_medium)
     }
 
-    /// How the ray at `offset` moves with each pixel, across itself where it passes the lamp; and the frame in which that is.
+    /// How the ray at `offset` moves across itself with each pixel at the point where it passes the emitter; and the frame of that
+    /// motion.
     fn motion(
         &self,
         lamp: &Lamp,
@@ -351,7 +355,7 @@ impl<'a> GlintFinder<'a> {
         Some((frame, Mat2::from_cols(moved(Vec2::X)?, moved(Vec2::Y)?)))
     }
 
-    /// Whether the ray behind the chain really meets the lamp.
+    /// Whether the ray behind the chain actually hits the emitter.
     fn meets(&self, lamp: &Lamp, mut end: ChainEnd) -> bool {
         match next_event(self.scene, &end.ray, &mut end.medium) {
             Event::Surface(arrival) => self.scene.surface(&arrival.hit).light == Some(lamp.id),

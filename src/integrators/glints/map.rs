@@ -1,4 +1,4 @@
-//! Glints by where they are on the picture, and camera samples drawn from them.
+//! Map of glints by their place on the image, and additional camera samples in the glints of a pixel.
 
 use super::chain::Chain;
 use super::finder::{Glint, GlintFinder};
@@ -12,48 +12,47 @@ use crate::scene::Scene;
 use crate::transport::emission_along;
 use glam::{IVec2, Vec2};
 
-/// Glints of one pixel that are drawn from: the strongest.
+/// Largest number of glints of one pixel that are sampled: the strongest ones.
 const MOST_IN_PIXEL: usize = 64;
 
-/// Further samples of a pixel for each of its own.
+/// Number of additional samples for each of the pixel's own samples.
 const RAYS: usize = 4;
 
-/// Glints whose middle is nearer to that of another than this share of its ellipse are the same.
+/// Two glints are the same if the centre of one lies within the other's ellipse scaled by this share.
 const SAME: f32 = 0.5;
 
-/// Weight of a glint whose middle is outside of the filter, as a share of that in the middle of it.
+/// Weight of a glint whose centre lies outside of the filter, as a share of the weight at the filter's centre.
 const OUTSIDE: f32 = 0.05;
 
-/// All glints that were found.
+/// All glints that were found, sorted by pixel.
 #[derive(Clone, Debug, Default)]
 pub struct GlintMap {
-    /// By pixel, row by row.
+    /// Glints pixel by pixel, row by row.
     glints: Vec<Glint>,
-    /// Of each pixel with glints its place and its first.
+    /// For each pixel with glints, its position and the index of its first glint.
     pixels: Vec<((i32, i32), usize)>,
-    /// Longest half axis of all ellipses.
+    /// Longest semi-axis of all ellipses.
     reach: f32,
 }
 
-/// How often camera samples meet, behind chains of surfaces, lamps whose images are small there: by blocks of pixels of the whole
-/// picture.
+/// How often camera samples hit emitters with small images behind specular chains by chance, by blocks of pixels of the whole image.
 ///
-/// One such image is met by few samples. Where images are many, as between mirrors that face each other, they are met often, and
-/// each another one.
+/// A single small image is hit by few samples. Where there are many images, as between mirrors that face each other, samples often hit
+/// one of them, each time another one.
 #[derive(Clone, Debug, Default)]
 pub struct ChanceMeetings {
-    /// Blocks in a row.
+    /// Number of blocks in a row.
     across: usize,
-    /// By block, row by row: meetings for one camera sample.
+    /// Hits per camera sample, by block, row by row.
     rates: Vec<f32>,
 }
 
 impl ChanceMeetings {
-    /// Pixels on a side of a block.
+    /// Side of a block in pixels.
     pub const BLOCK: u32 = 8;
 
-    /// Of a picture of `width` pixels, by `met` in each pixel as a mean over the rays from there; pixels that nobody looked from
-    /// count for none of their block. `met` has place and value of pixels.
+    /// For an image of this size. `met` has the position of each searched pixel and its hits, as a mean over the rays that started
+    /// there. Pixels in which no search started do not count in the mean of their block.
     pub fn new((width, height): (u32, u32), met: impl IntoIterator<Item = ((u32, u32), f32)>) -> Self {
         let across = width.div_ceil(Self::BLOCK) as usize;
         let mut sums = vec![(0.0, 0u32); across * height.div_ceil(Self::BLOCK) as usize];
@@ -66,7 +65,7 @@ impl ChanceMeetings {
         Self { across, rates: sums.into_iter().map(rate).collect() }
     }
 
-    /// The rate around the pixel with this `center`.
+    /// Hits per camera sample around the pixel with this `center`.
     fn around(&self, center: Vec2) -> f32 {
         let block = (center.max(Vec2::ZERO) / Self::BLOCK as f32).as_uvec2();
         let column = (block.x as usize).min(self.across.saturating_sub(1));
@@ -80,7 +79,7 @@ fn pixel_of(glint: &Glint) -> (i32, i32) {
 }
 
 impl GlintMap {
-    /// The map of what was found, the same ones once.
+    /// The map of all glints found; duplicates are merged.
     pub fn new(mut found: Vec<Glint>) -> Self {
         found.sort_by_key(pixel_of);
         let mut map = Self::default();
@@ -103,17 +102,17 @@ impl GlintMap {
         map
     }
 
-    /// Count of glints.
+    /// Number of glints.
     pub fn len(&self) -> usize {
         self.glints.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no glints.
     pub fn is_empty(&self) -> bool {
         self.glints.is_empty()
     }
 
-    /// Those of the pixel with this `center`; `None` where there are none.
+    /// The glints of the pixel with this `center`; `None` where there are none.
     pub fn of_pixel<'a>(&'a self, center: Vec2, sampler: &'a FilterSampler) -> Option<PixelGlints<'a>> {
         if self.is_empty() {
             return None;
@@ -153,15 +152,15 @@ impl GlintMap {
 /// The glints of a pixel.
 #[derive(Clone, Debug)]
 pub struct PixelGlints<'a> {
-    /// And the probability with which each is drawn from.
+    /// The glints, each with the probability with which it is sampled.
     choices: Vec<(Glint, f32)>,
     center: Vec2,
     sampler: &'a FilterSampler,
 }
 
 impl PixelGlints<'_> {
-    /// Expected count of further samples for each of the pixel's own that follow `chain`, per square pixel, at an `offset` from its
-    /// middle. One that was `drawn` from a glint lies in that, though it may be rounded to beside it.
+    /// Expected number of additional samples that follow `chain`, for each of the pixel's own samples and per square pixel, at an
+    /// `offset` from its centre. A sample that came from the glint `drawn` counts as inside it, though rounding may place it outside.
     fn density(&self, chain: &Chain, offset: Vec2, drawn: Option<usize>) -> f32 {
         let contains = |i: usize, glint: &Glint| {
             drawn == Some(i) || (glint.chain == *chain && glint.ellipse.contains(self.center, offset))
@@ -170,8 +169,8 @@ impl PixelGlints<'_> {
         of_chain.map(|(_, (glint, choice))| choice / glint.ellipse.area()).sum::<f32>() * RAYS as f32
     }
 
-    /// Light that further samples find beside one of the pixel's own, for the film to add with the `weight` of that one, through the
-    /// same point of the `lens`.
+    /// Light that additional samples find for one of the pixel's own samples, through the same point of the `lens`. The film adds it
+    /// with the `weight` of that sample.
     pub fn radiance(
         &self,
         (scene, medium): (&Scene, MediumStack),
@@ -180,7 +179,8 @@ impl PixelGlints<'_> {
         mut numbers: Rng,
     ) -> Rgb {
         let mut sum = Rgb::ZERO;
-        // A part of the disc for each, as most of the light may be that of one glint; from any on, so that none belongs to a glint.
+        // Each sample covers its own part of the disc, because one glint may cause most of the light. The first part is random, so that
+        // no part is tied to a glint.
         let first = (numbers.next_u64() % RAYS as u64) as usize;
         for i in 0..RAYS {
             let mut u = (i as f32 + numbers.next_f32()) / RAYS as f32;
@@ -191,7 +191,7 @@ impl PixelGlints<'_> {
                 u -= choice;
                 u < 0.0
             });
-            // Rounding may leave a rest.
+            // Rounding may leave a remainder.
             let chosen = chosen.unwrap_or(self.choices.len() - 1);
             let (glint, _) = &self.choices[chosen];
             let offset = glint.ellipse.offset_from(self.center) + glint.ellipse.at(disc);
@@ -213,31 +213,32 @@ impl PixelGlints<'_> {
     }
 }
 
-/// What there is to know of glints for a camera sample.
+/// Glint data that a camera sample needs.
 #[derive(Clone, Copy, Debug)]
 pub struct GlintView<'a> {
-    /// Where it is on the picture.
+    /// Place of the sample on the image.
     pub camera: &'a CameraRay<'a>,
-    /// By which the pixel was filled.
+    /// Filter by which the pixel was sampled.
     pub sampler: &'a FilterSampler,
-    /// Glints of its pixel, which are looked for by further samples ([`PixelGlints::radiance`]).
+    /// Glints of the sample's pixel, which additional samples cover ([`PixelGlints::radiance`]).
     pub pixel: Option<&'a PixelGlints<'a>>,
-    /// What they were found by.
+    /// The finder of these glints.
     pub hunter: &'a GlintFinder<'a>,
-    /// How often lamps are met by chance.
+    /// How often emitters are hit by chance.
     pub meetings: &'a ChanceMeetings,
-    /// Camera samples that the pixel has, where light met by chance is to count for no more than these make certain.
+    /// Number of camera samples of the pixel, if light hit by chance is limited to what these samples resolve.
     pub samples: Option<f32>,
 }
 
 impl GlintView<'_> {
-    /// What the light of a lamp counts for that the sample meets behind a chain by this `ray`; and whether that is less as it is rare.
+    /// MIS weight of an emitter that the sample hits behind a chain by this `ray`; and whether the weight is reduced because hits are
+    /// rare.
     pub(in crate::integrators) fn weight(&self, chain: &Chain, id: LightId, ray: &Ray) -> (f32, bool) {
         let place = self.camera.place();
         let own = self.sampler.density(place.offset).0;
         let further = self.pixel.map_or(0.0, |pixel| pixel.density(chain, place.offset, None));
         if further > 0.0 {
-            // Followed again by the same numbers, it ends where it ended.
+            // Followed again with the same numbers, the chain ends at the same point.
             let chance = self.hunter.chance(self.camera, chain).unwrap_or(0.0);
             return if chance > 0.0 {
                 (own * chance / (own * chance + further), false)
@@ -248,7 +249,7 @@ impl GlintView<'_> {
         match self.samples {
             Some(samples) => {
                 let certainty = self.hunter.certainty(self.camera, *chain, (id, ray), (samples, own));
-                // Each image is rare, but not that one is met.
+                // Each single image is rare, but hitting one of them is not.
                 let often = samples * self.meetings.around(self.camera.place().center);
                 let certainty = certainty.max(often.min(1.0));
                 (certainty, certainty < 1.0)

@@ -1,15 +1,15 @@
-//! Glints: lamps seen in glass and mirrors where their image is smaller than a pixel.
+//! Glints: emitters seen through glass and mirrors whose image is smaller than a pixel.
 //!
-//! A ray of the camera that meets a lamp behind specular surfaces finds it by chance alone, as no shadow ray passes those. Where the
-//! image is a small part of a pixel the chance is small and what it brings is large: a white dot in one picture, none in the next.
+//! A camera ray finds an emitter behind specular surfaces by chance alone, because shadow rays cannot pass those surfaces. Where the
+//! image is a small part of a pixel, the probability is small and the contribution is large: a white dot in one rendering, none in the
+//! next.
 //!
-//! Here they are looked for before the picture is rendered ([`GlintFinder`]): from rays that leave a chain of specular surfaces not far
-//! off a lamp, by Newton's method on the picture plane. (Newton's method on chains of specular surfaces: Jakob & Marschner,
-//! "Manifold Exploration", SIGGRAPH 2012; here the camera's end of the chain is what moves, and how the ray moves with it is found by
-//! following two rays beside it, as Igehy, "Tracing Ray Differentials", SIGGRAPH 1999, derives.) What is found is a chain of surfaces
-//! and an ellipse on the picture. Pixels then draw further camera samples from the ellipses, and these and the pixel's own samples are
-//! weighted by the balance heuristic (Veach & Guibas 1995). Nothing is blurred and the mean does not change, whether
-//! all glints were found or none.
+//! The finder searches for them before the image is rendered ([`GlintFinder`]). It starts from rays that leave a specular chain close to
+//! an emitter, and applies Newton's method on the image plane. (Newton's method on specular chains: Jakob & Marschner, "Manifold
+//! Exploration", SIGGRAPH 2012. Here the camera's end of the chain moves. The derivative of the ray is found by following two
+//! neighbouring rays, as derived by Igehy, "Tracing Ray Differentials", SIGGRAPH 1999.) The result is a chain of surfaces and an ellipse
+//! on the image. Pixels then take additional camera samples from the ellipses; these and the pixel's own samples are weighted by the
+//! balance heuristic (Veach & Guibas 1995). Nothing is blurred, and the mean does not change, whether all glints were found or none.
 
 mod chain;
 mod cone_light;

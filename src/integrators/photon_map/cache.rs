@@ -1,5 +1,5 @@
-//! Filling and reading the irradiance cache (Jensen 1996, section 4.4): what the camera sees of Lambertian surfaces, also
-//! by way of specular ones, is gathered at few places before the picture is rendered.
+//! Filling and reading the irradiance cache (Jensen 1996, section 4.4). For the Lambertian surfaces that the camera sees, directly or
+//! through specular ones, indirect light is gathered at a few places before the image is rendered.
 
 use super::gather::Start;
 use super::walk::{Walk, walk_specular};
@@ -15,42 +15,42 @@ use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, TAU};
 
-/// Pixels between the first candidates.
+/// Spacing in pixels of the first candidates.
 const COARSEST: u32 = 32;
 
-/// Rays of a hemisphere in a dense batch, unless fewer are asked for.
+/// Smallest number of rays of a hemisphere in a dense batch, unless fewer are requested.
 const LEAST_RAYS: u32 = 64;
 
-/// Photons that tell a hemisphere where light comes from. More tell little more, and take longer to find.
+/// Number of photons that guide the rays of a hemisphere. More photons add little and take longer to find.
 const GUIDING_PHOTONS: usize = 256;
 
-/// What the cache is filled for.
+/// Parameters of filling the cache.
 #[derive(Clone, Copy, Debug)]
 pub struct CacheRequest<'a> {
-    /// Sees the places where irradiance is wanted.
+    /// The camera that sees the places where irradiance is needed.
     pub camera: &'a Camera,
-    /// Pixels across and down of the whole picture: a crop window is filled like the whole, so that it shows the same.
+    /// Width and height of the whole image in pixels. A crop window fills the cache for the whole image, so that it shows the same.
     pub size: (u32, u32),
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Largest error of an interpolation (Ward, Rubinstein & Clear 1988).
+    /// Largest allowed error of an interpolation (Ward, Rubinstein & Clear 1988).
     pub error: f32,
-    /// Rays of a hemisphere where records lie far apart; fewer where they lie close to one another.
+    /// Rays of a hemisphere where records are far apart; hemispheres use fewer where records are close to one another.
     pub rays: u32,
 }
 
-/// What filling the cache took.
+/// Statistics of filling the cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CachePass {
     /// Records in the cache.
     pub records: u64,
-    /// Hemispheres whose light was not finite.
+    /// Hemispheres that were rejected because their light was not finite.
     pub rejected: u64,
-    /// Rays and look-ups.
+    /// Counts of rays and lookups.
     pub counters: Counters,
 }
 
-/// A batch of pixels: those of a grid of `step` whose column and row numbers are of this parity.
+/// A batch of pixels: those on a grid of spacing `step` whose grid column and row have this parity.
 #[derive(Clone, Copy, Debug)]
 struct Batch {
     step: u32,
@@ -66,7 +66,7 @@ enum Parity {
     Mixed,
 }
 
-/// All pixels, each once, from coarse to fine; each batch after the first two has about as many as all before it.
+/// All pixels, each once, from coarse to fine. Each batch after the first two has about as many pixels as all batches before it.
 fn batches() -> impl Iterator<Item = Batch> {
     let finer = (0..COARSEST.ilog2()).flat_map(|level| {
         let step = COARSEST >> (level + 1);
@@ -76,8 +76,8 @@ fn batches() -> impl Iterator<Item = Batch> {
 }
 
 impl Batch {
-    /// Rays of a hemisphere, of `most`. Where records lie close to one another, since light changes quickly or surfaces are small,
-    /// their noise is averaged over more of them and seen less than where one lights a wall.
+    /// Rays of a hemisphere, `most` at most. Where light changes quickly or surfaces are small, records lie close together; their noise
+    /// is then averaged over more records and is less visible than that of one record that lights a whole wall.
     fn rays(&self, most: u32) -> u32 {
         let divisor = match self.step {
             0..=2 => 4,
@@ -87,7 +87,7 @@ impl Batch {
         (most / divisor).max(LEAST_RAYS).min(most)
     }
 
-    /// Pixel number `index` of the grid, where it is one of the batch.
+    /// Pixel number `index` of the grid; `None` where the batch does not contain it.
     fn pixel(&self, index: u64, across: u64) -> Option<(u32, u32)> {
         let (i, j) = ((index % across) as u32, (index / across) as u32);
         let belongs = match self.parity {
@@ -100,8 +100,8 @@ impl Batch {
 }
 
 impl PhotonMapIntegrator<'_> {
-    /// Fills the irradiance cache, which the pictures are then rendered from. The same for any number of threads, unless
-    /// `is_late` ends it early: then with the records that there are. `None` where it `is_cancelled`.
+    /// Fills the irradiance cache from which the images are then rendered. The result is the same for any number of threads, unless
+    /// `is_late` ends the pass early; the cache then keeps the records that it has. `None` where `is_cancelled` returns true.
     pub fn fill_cache(
         &mut self,
         request: &CacheRequest<'_>,
@@ -121,7 +121,7 @@ impl PhotonMapIntegrator<'_> {
         for batch in batches() {
             let across = u64::from(width.div_ceil(batch.step));
             let grid = across * u64::from(height.div_ceil(batch.step));
-            // Where a record is wanted: places, and which surface of which pixel each is.
+            // Candidates where a record is needed: the place, the pixel, and the index of the surface within the pixel.
             let found: Vec<(Vec<Candidate>, Counters)> = (0..grid)
                 .into_par_iter()
                 .filter_map(|index| batch.pixel(index, across))
@@ -178,7 +178,7 @@ impl PhotonMapIntegrator<'_> {
         Some(pass)
     }
 
-    /// Calls `visit` for each surface that the middle of a pixel shows and whose indirect light is interpolated.
+    /// Calls `visit` for each surface visible at the centre of a pixel whose indirect light is interpolated.
     fn visit_pixel(
         &self,
         request: &CacheRequest<'_>,
@@ -210,7 +210,7 @@ impl PhotonMapIntegrator<'_> {
         });
     }
 
-    /// Whether indirect light at a vertex is interpolated: at Lambertian surfaces that are computed accurately.
+    /// Whether indirect light at a vertex is interpolated. This holds for Lambertian surfaces that are computed accurately.
     fn is_cached(&self, vertex: &Vertex<'_>) -> bool {
         let is_lambert = vertex.shading.bsdf.lambertian().is_some();
         is_lambert
@@ -218,7 +218,7 @@ impl PhotonMapIntegrator<'_> {
             && (vertex.depth == 1 || vertex.weight >= self.settings.approximate_weight)
     }
 
-    /// Indirect radiance from the cache, where there is one and it reaches the vertex.
+    /// Indirect radiance interpolated from the cache; `None` where there is no cache or no record reaches the vertex.
     pub(super) fn cached(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Option<Rgb> {
         let cache = self.cache.as_ref()?;
         let lambert = vertex.shading.bsdf.lambertian()?;
@@ -232,7 +232,7 @@ impl PhotonMapIntegrator<'_> {
         found.map(|irradiance| lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
-    /// The hemisphere over a candidate, which the camera ray of its pixel finds once more.
+    /// Computes the record of a candidate. The camera ray of its pixel is traced again to find it.
     fn record(
         &self,
         request: &CacheRequest<'_>,
@@ -254,10 +254,10 @@ impl PhotonMapIntegrator<'_> {
         record
     }
 
-    /// Where photons tell where light comes from, half of the rays go to where that is most.
+    /// Gathers the irradiance over a vertex. Where nearby photons show from where light comes, half of the rays are sampled towards it.
     fn hemisphere(&self, vertex: &Vertex<'_>, rays: u32, mut rng: Rng, scratch: &mut Scratch) -> Irradiance {
         let Vertex { hit, shading, .. } = *vertex;
-        // Turned at random, so that the strata of neighbours do not line up.
+        // Rotated at random, so that the strata of neighbouring records do not align.
         let frame = Frame::from_z(shading.frame.z);
         let (sin, cos) = (TAU * rng.next_f32()).sin_cos();
         let axes = Mat3::from_cols(frame.x * cos + frame.y * sin, frame.y * cos - frame.x * sin, frame.z);
@@ -267,7 +267,7 @@ impl PhotonMapIntegrator<'_> {
         let hemisphere = if lobe.is_some() { Hemisphere::guided(rays) } else { Hemisphere::with_rays(rays) };
         let expected = |local: Vec3| lobe.as_ref().map_or(1.0, |lobe| lobe.over_lambert(axes * local));
         let irradiance = hemisphere.gather(&mut rng, expected, |local, u| {
-            // Light that the shading normal would have from the wrong side of the surface comes from elsewhere.
+            // Directions that lie above the shading normal but below the surface are replaced by others.
             let direction = shading.diffuse_direction(axes * local, u);
             let Some(medium) = self.scene.medium_after(vertex.medium, hit, shading, direction, false) else {
                 return Seen::NOTHING;
@@ -282,7 +282,7 @@ impl PhotonMapIntegrator<'_> {
 }
 
 impl PhotonMapIntegrator<'_> {
-    /// Where the photons around a vertex came from; `None` without photons.
+    /// Directional distribution of the photons around a vertex; `None` without photons.
     fn local_guide(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Option<LocalGuide> {
         let map = self.maps.global.as_ref().filter(|map| !map.is_empty())?;
         let params = GuideParams {
@@ -298,18 +298,18 @@ impl PhotonMapIntegrator<'_> {
     }
 }
 
-/// A place where a record may be wanted, and where it comes from.
+/// A place where a record may be needed, with the pixel and surface that it belongs to.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     pixel: (u32, u32),
-    /// Which of the surfaces that the pixel shows over specular paths.
+    /// Index of the surface among those that the pixel shows over specular paths.
     number: u32,
     place: Place,
 }
 
 fn place_of(vertex: &Vertex<'_>, pixel_angle: f32) -> Place {
     let hit = vertex.hit;
-    // The side of a square as large as the pixel on the surface; no longer than thrice the short side.
+    // Side of a square with the area of the pixel on the surface; at most about three times the short side.
     let cosine = hit.wo.dot(hit.point.normal).abs().max(0.1);
     Place {
         position: hit.point.position,

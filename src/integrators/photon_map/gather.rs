@@ -1,4 +1,4 @@
-//! The fourth integral by final gathering: rays that read what the photons brought to where they land.
+//! Final gathering, the fourth integral: gather rays read the photon maps where they land.
 
 use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
@@ -12,41 +12,41 @@ use crate::scene::{Shading, SurfaceInteraction};
 use crate::transport::{Arrival, Event, MisPartner, emitted, escaped, next_event, receiver};
 use std::f32::consts::FRAC_1_PI;
 
-/// Diffuse reflections after the first one for which surfaces close by are still computed accurately.
+/// Number of diffuse reflections after the first one up to which close surfaces are still computed accurately.
 const CLOSE_RECURSIONS: u32 = 2;
 
-/// Diffuse reflections after the first one for which too few photons are still replaced by sampling.
+/// Number of diffuse reflections after the first one up to which sampling still replaces an estimate from too few photons.
 const POOR_RECURSIONS: u32 = 32;
 
-/// Diffuse reflections after the first one that are followed without Russian roulette, where they are what a gather ray meets
-/// first.
+/// Number of diffuse reflections after the first one that are followed without Russian roulette, if they are the first surface of a
+/// gather ray.
 const SURE_RECURSIONS: u32 = 2;
 
-/// Smallest probability of that roulette.
+/// Smallest survival probability of that roulette.
 const LEAST_SURVIVAL: f32 = 1e-3;
 
-/// Albedo beyond which light is taken to be reflected no longer, in the estimate of a bias.
+/// Largest albedo that the estimate of a bias assumes.
 const LARGEST_ALBEDO: f32 = 0.9;
 
-/// Numbers of decisions among those that a gather ray's own number is refreshed for. `LANDINGS` less a depth is for the surface
-/// at that depth; four times depths are far below.
+/// Numbers that identify decisions when a gather ray's random number is hashed. `LANDINGS` minus the depth identifies the surface at
+/// that depth. The numbers `4 * depth + i` are far below these.
 const MAP_OR_NOT: u32 = u32::MAX;
 const GO_ON_OR_NOT: u32 = u32::MAX - 1;
 const LANDINGS: u32 = u32::MAX - 2;
 const COMPARE_OR_NOT: u32 = 1 << 31;
 
-/// Share of the gather rays that could be compared with the map that are, in rounds of progressive rendering: a look-up each, of
-/// which all together cost 6 % of a scene that is lit by little else.
+/// Share of the comparable gather rays that are compared with the map, in rounds of progressive rendering. Each comparison costs one
+/// lookup; all of them together cost 6 % of the time in a scene that is lit by little but indirect light.
 const COMPARED_SHARE: f32 = 0.5;
 
-/// An estimate that rests on fewer photons than this is poor.
+/// An estimate from fewer photons than this is poor.
 const POOR_PHOTONS: u32 = 8;
 
-/// Where no irradiance was precomputed within this share of the largest radius, an estimate would about reach that radius:
-/// one of the points stands for several photons, so some twenty are expected within the radius of an estimate.
+/// If no irradiance was precomputed within this share of the largest radius, an estimate would about reach that radius. One precomputed
+/// point represents several photons, so that some twenty photons are expected within the radius of an estimate.
 const POOR_REACH: f32 = 0.25;
 
-/// Light by gather rays: that of surfaces, that of emitters, and by how much the first is expected to be off.
+/// Gathered indirect radiance, gathered emitted radiance, and the expected bias of the first.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Gain {
     pub(super) indirect: Rgb,
@@ -54,51 +54,51 @@ pub(super) struct Gain {
     pub(super) bias: Rgb,
 }
 
-/// What a gather ray brought.
+/// Result of one gather ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gathered {
     pub(super) indirect: Rgb,
     pub(super) direct: Rgb,
-    /// By how much `indirect` is expected to be off, in rounds of progressive rendering.
+    /// Expected bias of `indirect`, in rounds of progressive rendering.
     pub(super) bias: Rgb,
-    /// Distance of the first surface; infinite where there is none.
+    /// Distance of the first surface; infinite where the ray hits none.
     pub(super) nearest: f32,
-    /// Length of the whole way.
+    /// Length of the whole path of the ray.
     pub(super) distance: f32,
 }
 
-/// What a gather ray starts with.
+/// Initial state of a gather ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Start {
     pub(super) ray: Ray,
     pub(super) medium: MediumStack,
-    /// Density of the direction, where light of emitters that the ray hits is wanted as well.
+    /// Sampling density of the direction; `None` where the emission of surfaces that the ray hits is not needed.
     pub(super) direct_pdf: Option<f32>,
-    /// Whether light reflected by what the ray hits is wanted.
+    /// Whether the light reflected by surfaces that the ray hits is needed.
     pub(super) indirect: bool,
-    /// Diffuse reflections before the one at which the ray starts.
+    /// Number of diffuse reflections before the one at which the ray starts.
     pub(super) recursion: u32,
-    /// What the light is multiplied by on its way to the eye, brightest channel.
+    /// Factor on the light on its way to the eye, brightest channel.
     pub(super) weight: f32,
 }
 
-/// A surface that a gather ray met.
+/// A surface at which a gather ray landed.
 struct Landed<'a> {
     vertex: Vertex<'a>,
-    /// Length of the last segment to there.
+    /// Length of the last segment of the ray.
     distance: f32,
-    /// Diffuse reflections before, but for the one at which the first gather ray starts.
+    /// Number of diffuse reflections before this one, without the one at which the first gather ray starts.
     recursion: u32,
-    /// Probability with which sampling goes on from here, where the map is not read.
+    /// Probability with which sampling continues from here where the map is not read.
     survival: f32,
 }
 
-/// Probability with which recursive sampling goes on from the diffuse lobe of a surface to which a gather ray brings `passed`
-/// of the light that leaves there.
+/// Probability with which recursive sampling continues from the diffuse lobe of a surface. `passed` is the factor by which the gather
+/// ray attenuates light that leaves the surface.
 ///
-/// A gather ray meets several such surfaces where they have glossy lobes too. In proportion to what arrives from each, all of
-/// them together are followed by fewer than one ray, as albedos are below one: so the recursion dies out, in the crevices of
-/// a polished flake as well.
+/// A gather ray meets several such surfaces where they also have glossy lobes. The probability is proportional to what arrives from each
+/// of them, so that fewer than one ray in total follows them, because albedos are below one. The recursion therefore ends, even in the
+/// crevices of a polished flake.
 fn survival_of_recursion(passed: f32, shading: &Shading) -> f32 {
     let [diffuse, ..] = shading.bsdf.lobe_weights(shading.wo_local);
     let survival = passed * diffuse;
@@ -106,8 +106,8 @@ fn survival_of_recursion(passed: f32, shading: &Shading) -> f32 {
 }
 
 impl PhotonMapIntegrator<'_> {
-    /// Fourth integral: light that was reflected diffusely before, interpolated in the irradiance cache or gathered by rays
-    /// that read the global map. And the light of emitters that those rays hit, which belongs to the first integral.
+    /// The fourth integral: light that was reflected diffusely before, either interpolated in the irradiance cache or gathered by rays
+    /// that read the global map. Also returns the light of emitters that those rays hit, which belongs to the first integral.
     pub(super) fn indirect(
         &self,
         vertex: &Vertex<'_>,
@@ -119,7 +119,7 @@ impl PhotonMapIntegrator<'_> {
             return Gain::default();
         }
         let count = ((self.settings.gather_samples as f32 * vertex.share).ceil() as u32).max(1);
-        // Taken also where they are not needed, so that the cache changes no other number of the sample.
+        // Reserved even where they are not needed, so that the cache changes no other random number of the camera sample.
         let splits = samples.splits(self.settings.gather_samples);
         let cached = self.cached(vertex, scratch);
         if let (Some(indirect), false) = (cached, self.bsdf_sampling) {
@@ -130,8 +130,7 @@ impl PhotonMapIntegrator<'_> {
         Gain { indirect: cached.unwrap_or(gathered.indirect), ..gathered }
     }
 
-    /// Mean over gather rays drawn by these random numbers: reflected light that arrives (where it is wanted), and light of
-    /// emitters.
+    /// Mean over gather rays sampled with these random numbers: reflected light that arrives, if it is `wanted`, and light of emitters.
     fn gather_from(
         &self,
         vertex: &Vertex<'_>,
@@ -192,7 +191,7 @@ impl PhotonMapIntegrator<'_> {
         let own = u;
         for depth in 0..self.settings.max_depth {
             scratch.counters.depth_sum += 1;
-            // Lights were sampled where the ray starts.
+            // MIS partner of the first segment: lights were sampled where the ray starts.
             let partner = || {
                 let pdf = direct_pdf.filter(|_| depth == 0)?;
                 Some(MisPartner { from: receiver(self.scene, vertex.hit), pdf })
@@ -209,7 +208,7 @@ impl PhotonMapIntegrator<'_> {
             found.distance += hit.distance;
             if depth == 0 {
                 found.nearest = hit.distance;
-                // Behind a null interface, light comes as a caustic.
+                // Light that passes a null interface is counted as a caustic.
                 if !passed_null_interface
                     && self.scene.surface(&hit).light.is_some()
                     && let Some(partner) = partner()
@@ -242,7 +241,7 @@ impl PhotonMapIntegrator<'_> {
                 };
                 let landed =
                     Landed { vertex: landing, distance: hit.distance, recursion: start.recursion, survival };
-                // Each surface of a chain decides for itself.
+                // Each surface of a specular chain makes its own decision.
                 let u = if depth == 0 { u } else { refreshed(own, LANDINGS - depth) };
                 let (leaving, bias) = self.leaving(&landed, u, scratch);
                 found.indirect += throughput * leaving;
@@ -260,8 +259,8 @@ impl PhotonMapIntegrator<'_> {
                 (medium, ray) = (next.medium, next.ray);
                 continue;
             }
-            // A specular surface on the way: one of its directions, drawn by the Fresnel term. One number serves the
-            // whole chain: what a decision leaves of it is uniform again.
+            // At a specular surface one direction is sampled with the Fresnel term as probability. One random number serves the whole
+            // chain, because its remainder after a decision is uniform again.
             let Some(weight) = chain_roulette(depth, || refreshed(u, depth)) else { return found };
             let probability = shading.bsdf.reflection_probability(shading.wo_local);
             let Some(sample) = shading.sample(u, glam::Vec2::ZERO) else { return found };
@@ -282,10 +281,10 @@ impl PhotonMapIntegrator<'_> {
         found
     }
 
-    /// Radiance that leaves a surface on which a gather ray ends (Jensen 1996, sections 4 to 4.4): from the global map,
-    /// unless the surface is so close that the blur of the map would show (corners), or photons are too few.
-    /// That is its diffuse lobe; highly glossy ones are sampled even here, see [`Self::continue_gathering`]. And by how much
-    /// it is expected to be off, in rounds of progressive rendering.
+    /// Radiance that leaves a surface on which a gather ray ends (Jensen 1996, sections 4 to 4.4). It is read from the global map,
+    /// unless the surface is so close that the blur of the map would show (corners), or there are too few photons. Only the diffuse lobe
+    /// is covered; highly glossy lobes are sampled even here, see [`Self::continue_gathering`]. The second value is the expected bias,
+    /// in rounds of progressive rendering.
     fn leaving(&self, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> (Rgb, Rgb) {
         if !landed.vertex.shading.bsdf.has_diffuse() || !self.has_photons() {
             return (Rgb::ZERO, Rgb::ZERO);
@@ -298,7 +297,7 @@ impl PhotonMapIntegrator<'_> {
         (self.mostly_approximate(landed, u, scratch), Rgb::ZERO)
     }
 
-    /// [`Self::leaving`] without what rounds of progressive rendering do.
+    /// [`Self::leaving`] outside of progressive rendering.
     fn mostly_approximate(&self, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> Rgb {
         let Vertex { hit, shading, .. } = landed.vertex;
         if self.is_too_close(landed) {
@@ -318,30 +317,30 @@ impl PhotonMapIntegrator<'_> {
         self.poor_estimate(hit, shading, scratch)
     }
 
-    /// Whether there is indirect light. An empty map is warned about, and not made up for.
+    /// Whether the maps hold indirect light. An empty map causes a warning, and nothing replaces it.
     pub(super) fn has_photons(&self) -> bool {
         let is_lit = self.maps.illumination.as_ref().is_some_and(|maps| maps.sizes().photons > 0);
         is_lit || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
     }
 
-    /// Whether a surface is so close that the blur of the map would show, and carries enough for that to matter.
+    /// Whether a surface is so close that the blur of the map would show, and its weight is large enough to matter.
     fn is_too_close(&self, landed: &Landed<'_>) -> bool {
         landed.distance < self.settings.accurate_distance
             && landed.recursion < CLOSE_RECURSIONS
             && landed.vertex.weight >= self.settings.approximate_weight
     }
 
-    /// The four integrals where the map is read with probability `read_share` and now is not. And an estimate of the bias
-    /// that reading it brings to the mean of both.
+    /// The four integrals in the case that the map, which is read with probability `read_share`, is not read. Also estimates the bias
+    /// that reading the map adds to the mean of both cases.
     ///
-    /// With b the bias of the map and a that of what is returned here, which goes on to places that read the map with
-    /// probability q as well, a = albedo (q b + (1 - q) a), so that the mean is off by
-    /// q b + (1 - q) a = q (b - a) / (1 - albedo), and b - a is the difference of the two.
+    /// Let b be the bias of the map, a the bias of the value returned here, and q = `read_share`. The recursion also reads the map with
+    /// probability q, so that a = albedo (q b + (1 - q) a). The mean is then off by q b + (1 - q) a = q (b - a) / (1 - albedo), and b -
+    /// a is the difference of the two values.
     fn compared(&self, read_share: f32, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> (Rgb, Rgb) {
         let shading = landed.vertex.shading;
         scratch.counters.accurate_drawn += 1;
         let radiance = self.accurate(landed, u, scratch);
-        // Where no map is read either way, none brings bias.
+        // Where the map is not read in either case, it adds no bias.
         if landed.recursion > 0 || self.is_too_close(landed) {
             return (radiance, Rgb::ZERO);
         }
@@ -353,12 +352,12 @@ impl PhotonMapIntegrator<'_> {
         };
         let albedo = shading.bsdf.albedo(shading.wo_local).max_element();
         let ways_on = 1.0 / (1.0 - albedo.min(LARGEST_ALBEDO));
-        // Each such difference stands for all gather rays, of which this one was drawn with this probability.
+        // Each such difference represents all gather rays; this one was selected with this probability.
         let drawn = (1.0 - read_share) * COMPARED_SHARE;
         (radiance, (read - radiance) * (read_share * ways_on / drawn))
     }
 
-    /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling, which ends by chance.
+    /// The four integrals behind a diffuse reflection, with one gather ray: recursive sampling that ends by Russian roulette.
     fn accurate(&self, landed: &Landed<'_>, u: f32, scratch: &mut Scratch) -> Rgb {
         let Landed { vertex: at, recursion, survival, .. } = landed;
         if *survival < 1.0 && refreshed(u, GO_ON_OR_NOT) >= *survival {
@@ -373,8 +372,8 @@ impl PhotonMapIntegrator<'_> {
         (other + self.caustics_behind(at, other, scratch)) / *survival
     }
 
-    /// Radiance of a diffuse surface read from the global map; `None` where that rests on too few photons. Random
-    /// numbers, where the lights are asked as well, follow from the place and `u`.
+    /// Radiance of a diffuse surface read from the global map; `None` where the estimate rests on too few photons. If lights are sampled
+    /// too, the random numbers are derived from the position and `u`.
     pub(super) fn approximate(&self, at: &Vertex<'_>, u: f32, scratch: &mut Scratch) -> Option<Rgb> {
         let Vertex { hit, shading, .. } = *at;
         if let Some(radiance) = self.summed_up(hit, shading, IlluminationMaps::all, scratch) {
@@ -386,7 +385,7 @@ impl PhotonMapIntegrator<'_> {
         if let (Some(irradiance), Some(lambert)) = (&self.maps.irradiance, shading.bsdf.lambertian()) {
             let connects = |place, facing| self.scene.connects(hit, place, facing);
             let (position, normal) = (hit.point.position, hit.facing_normal());
-            // What lies farther away than the place that sees this one is in another part of the scene.
+            // A point farther away than the origin of the ray belongs to another part of the scene.
             let reach = (POOR_REACH * largest).min(hit.distance);
             let found = irradiance.nearest((position, normal), reach, connects)?;
             let reflected = lambert.reflectance * found.irradiance * FRAC_1_PI;
@@ -403,14 +402,14 @@ impl PhotonMapIntegrator<'_> {
         is_rich.then_some(estimate.value)
     }
 
-    /// Radiance that the diffuse lobe of a surface reflects straight from the lights.
+    /// Radiance of direct light that the diffuse lobe of a surface reflects.
     fn direct_at(&self, at: &Vertex<'_>, u: f32, scratch: &mut Scratch) -> Rgb {
         let mut samples = SampleStream::new(key_of(at.hit, u), 0, 0);
         let directions = Directions::of_bsdf(at.shading);
         self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch).diffuse
     }
 
-    /// What the map says, however few photons that rests on.
+    /// Estimate from the map, however few photons it rests on.
     fn poor_estimate(&self, hit: &SurfaceInteraction, shading: &Shading, scratch: &mut Scratch) -> Rgb {
         let Some(map) = &self.maps.global else { return Rgb::ZERO };
         let query = self.settings.global_query(hit.point.position, hit.facing_normal());
@@ -419,14 +418,14 @@ impl PhotonMapIntegrator<'_> {
     }
 }
 
-/// Key of the random numbers of a place where a gather ray ends with the number `u`.
+/// Seed of the random numbers at a point where a gather ray with the random number `u` ends.
 fn key_of(hit: &SurfaceInteraction, u: f32) -> u64 {
     let p = hit.point.position;
     let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
     mix(mix(bits(p.x, p.y)) ^ bits(p.z, u))
 }
 
-/// Another number for a surface of a chain whose own number is used up: a hash of it, the same in every run.
+/// A new random number for a surface of a chain whose own number is used up: a hash of it, the same in every run.
 fn refreshed(u: f32, depth: u32) -> f32 {
     (mix(u64::from(u.to_bits()) << 32 | u64::from(depth)) >> 40) as f32 / 16_777_216.0
 }

@@ -1,5 +1,4 @@
-//! The second integral at surfaces with highly glossy lobes: distribution rays, a limited number of them (Jensen 1996,
-//! section 4.2).
+//! The second integral at surfaces with highly glossy lobes: a limited number of distribution rays (Jensen 1996, section 4.2).
 
 use super::PhotonMapIntegrator;
 use crate::bsdf::Lobe;
@@ -12,18 +11,18 @@ use crate::scene::{Scene, Shading, SurfaceInteraction};
 use crate::transport::{MisPartner, receiver};
 use glam::Vec2;
 
-/// Least probability with which a path is continued: estimates of albedos may be too low.
+/// Smallest probability with which a path is continued, because estimates of albedos may be too low.
 const LEAST_SURVIVAL: f32 = 0.05;
 
-/// What a highly glossy lobe reflects at least to get all distribution rays.
+/// Smallest reflectance with which a highly glossy lobe gets all distribution rays.
 const FULL_WEIGHT: f32 = 0.25;
 
-/// Pushes what continues from a surface with a highly glossy lobe, and perhaps an ideal specular one beside it.
+/// Pushes the continuations at a surface with a highly glossy lobe, which may also have an ideal specular one.
 ///
-/// Where the surface matters to the camera sample both lobes are followed, the specular one by one ray and the glossy one
-/// by `glossy_samples` times the share of the camera sample that arrives, so that a glossy surface seen in another gets
-/// one ray for each; by fewer where the lobe reflects less than a quarter, as that of a varnish does: its noise counts by that
-/// share. Elsewhere one ray is drawn for both, and ends by roulette.
+/// Where the surface matters to the camera sample, both lobes are followed: the specular one by one ray, the glossy one by
+/// `glossy_samples` times the share of the camera sample that arrives. A glossy surface seen in another glossy surface therefore gets
+/// one ray for each ray of the other. A lobe that reflects less than a quarter, such as that of a varnish, gets fewer rays, because its
+/// noise is scaled by its reflectance. Elsewhere one ray is sampled for both lobes and ends by Russian roulette.
 pub(super) fn push_scattered(
     branches: &mut Vec<Branch>,
     parent: &Branch,
@@ -87,7 +86,7 @@ pub(super) fn push_scattered(
     push(lobe, [x, y, rest, 0.0], weight * total / chosen / survival, total.min(1.0), 1);
 }
 
-/// One of both lobes by their weights, its weight, and what the choice leaves of `u`.
+/// Selects one of both lobes by their weights; returns it, its weight, and the remainder of `u`.
 fn choose(u: f32, glossy: f32, specular: f32) -> (Lobe, f32, f32) {
     let probability = glossy / (glossy + specular);
     let (lobe, weight, rest) = if u < probability {
@@ -98,7 +97,7 @@ fn choose(u: f32, glossy: f32, specular: f32) -> (Lobe, f32, f32) {
     (lobe, weight, rest.clamp(0.0, ONE_MINUS_EPSILON))
 }
 
-/// A gather ray that goes on.
+/// Continuation of a gather ray.
 pub(super) struct Continued {
     pub ray: Ray,
     pub medium: MediumStack,
@@ -106,12 +105,12 @@ pub(super) struct Continued {
 }
 
 impl PhotonMapIntegrator<'_> {
-    /// One additional ray by which approximate evaluation goes on at a surface with glossy lobes, or mixed ones (section
-    /// 2: highly glossy surfaces are traced there too); `None` where it ends. `numbers` are hashes of the gather ray's own.
+    /// One additional ray that continues approximate evaluation at a surface with glossy lobes or mixed ones (section 2: highly glossy
+    /// surfaces are traced there too); `None` where the path ends. `numbers` are hashes of the gather ray's own random number.
     ///
-    /// From the `first` surface more often than in proportion to what it reflects, by the root of that: a floor that
-    /// mirrors a seventh of the light would else now and then bring all of what it shows. Always would be too often, since a
-    /// ray that goes on costs as much as one more.
+    /// At the `first` surface the probability is the root of the reflectance and not the reflectance itself. A floor that mirrors a
+    /// seventh of the light would otherwise now and then contribute everything that it mirrors. To continue always would be too often,
+    /// because a continued ray costs as much as an additional one.
     pub(super) fn continue_gathering(
         &self,
         (medium, first): (MediumStack, bool),

@@ -1,4 +1,4 @@
-//! Reading the maps at a surface.
+//! Photon-map lookups at a surface.
 
 use super::PhotonMapSettings;
 use crate::integrators::Scratch;
@@ -11,7 +11,7 @@ use glam::Vec3;
 use std::cell::Cell;
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Radiance that the diffuse lobe of a surface reflects of the photons in a map.
+/// Radiance that the diffuse lobe of a surface reflects, estimated from the photons of a map.
 pub(super) fn reflected(
     scene: &Scene,
     reading: &PhotonMapSettings,
@@ -22,7 +22,7 @@ pub(super) fn reflected(
     reflected_estimate(scene, reading, what, shading, scratch).value
 }
 
-/// The same radiance, with the count of photons it rests on and their radius.
+/// The same radiance, with the number of photons it rests on and their radius.
 pub(super) fn reflected_estimate(
     scene: &Scene,
     reading: &PhotonMapSettings,
@@ -30,7 +30,7 @@ pub(super) fn reflected_estimate(
     shading: &Shading,
     scratch: &mut Scratch,
 ) -> Estimate {
-    // Photons hold the cosine to the shading normal where there is one, see `photons::trace`.
+    // The power of photons includes the cosine to the shading normal where there is one, see `photons::trace`.
     if let Some(lambert) = shading.bsdf.lambertian() {
         let (map, query, params) = what;
         let query = Query { faint: irradiance_of(query.faint, lambert.reflectance), ..*query };
@@ -40,7 +40,7 @@ pub(super) fn reflected_estimate(
         return Estimate { value, narrower, ..estimate };
     }
     let f = |wi: Vec3| shading.eval_photon(shading.frame.to_local(wi));
-    // Weighing each photon by the BRDF twice costs more than the feelers that it might save.
+    // To evaluate the BRDF twice for each photon costs more than the feeler rays that it might save.
     let (map, query, params) = (what.0, &Query { faint: 0.0, ..*what.1 }, what.2);
     let estimate = |photons: &mut PhotonScratch, place: &mut Place<'_>| {
         map.estimate_radiance_visible(query, params, photons, place, f)
@@ -48,13 +48,13 @@ pub(super) fn reflected_estimate(
     look_up(scene, reading, query, scratch, estimate).0
 }
 
-/// Irradiance of which a Lambertian surface reflects no more than `radiance` in any channel.
+/// Irradiance of which a Lambertian surface reflects at most `radiance` in any channel.
 pub(super) fn irradiance_of(radiance: f32, reflectance: Rgb) -> f32 {
     PI * radiance / reflectance.max_element().max(f32::MIN_POSITIVE)
 }
 
-/// Irradiance on the side of the query's normal, and how far its centre sees within the surface in every direction that was
-/// felt: infinity where nothing was in the way.
+/// Irradiance on the side of the query's normal, and the shortest distance along the surface over all directions in which feeler rays
+/// were traced; infinite where nothing was in the way.
 pub(super) fn irradiance(
     scene: &Scene,
     reading: &PhotonMapSettings,
@@ -84,17 +84,18 @@ fn look_up(
     (estimate, place.seen)
 }
 
-/// Distance along the normal over that of a photon, within which it matters for a free way to the photon what the place faces.
+/// Distance along the normal, relative to the distance of a photon, within which geometry above the place can block the path to the
+/// photon.
 const WAY_HEADROOM: f32 = 2.0;
 
-/// A place on a surface, and what its rays tell of the surfaces around.
+/// A place on a surface, with what its rays found about the surfaces around it.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<'a> {
     scene: &'a Scene,
     position: Vec3,
     normal: Vec3,
     feels: bool,
-    /// How far one can go along the normal, where that is no farther than the distance within which it was asked; and that distance.
+    /// Free distance along the normal, infinite if it exceeds the range that was searched; and that range.
     headroom: (f32, f32),
     is_covered: bool,
     seen: f32,
@@ -102,13 +103,14 @@ pub struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// At `position` on a surface that faces along the unit `normal`; whether it `feels` how far one can go along the surface.
+    /// A place at `position` on a surface that faces along the unit `normal`. `feels` enables feeler rays, which measure how far the
+    /// surface continues.
     pub fn new(scene: &'a Scene, position: Vec3, normal: Vec3, feels: bool) -> Self {
         let (seen, headroom) = (f32::INFINITY, (f32::INFINITY, 0.0));
         Self { scene, position, normal, feels, headroom, is_covered: false, seen, rays: 0 }
     }
 
-    /// Distance along the normal to what the centre faces; infinite where that is farther than `within`.
+    /// Free distance along the normal above the centre; infinite where it exceeds `within`.
     fn headroom(&mut self, within: f32) -> f32 {
         let (found, asked) = self.headroom;
         if found.is_infinite() && asked < within {
@@ -139,7 +141,7 @@ impl Sight for Place<'_> {
     }
 
     fn sees(&mut self, position: Vec3, normal: Vec3) -> bool {
-        // Ways rise no higher than half of that.
+        // Paths to photons rise to at most half of that height.
         let within = WAY_HEADROOM * position.distance(self.position);
         let headroom = self.headroom(within).min(within);
         self.rays += 1;

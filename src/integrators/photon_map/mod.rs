@@ -1,5 +1,5 @@
-//! The two-pass method of Jensen 1996: what the camera sees is computed accurately, what lies behind the next diffuse
-//! reflection is read from the photon maps.
+//! Photon map integrator, the two-pass method of Jensen 1996: what the camera sees is computed accurately; what lies behind the next
+//! diffuse reflection is read from the photon maps.
 
 mod cache;
 mod gather;
@@ -37,65 +37,64 @@ pub(super) use reuse::Remembered;
 use std::f32::consts::FRAC_1_PI;
 use walk::{Walk, walk_specular};
 
-/// How the maps are read.
+/// Settings of reading the maps.
 #[derive(Clone, Copy, Debug)]
 pub struct PhotonMapSettings {
-    /// Photons in an estimate from the global map.
+    /// Number of photons in an estimate from the global map.
     pub global_nearest: u32,
-    /// Photons in an estimate from the caustic map.
+    /// Number of photons in an estimate from the caustic map.
     pub caustic_nearest: u32,
-    /// Radius of estimates from the global map, render space, in place of a count of photons.
+    /// Fixed radius of estimates from the global map, render space; replaces the number of photons.
     pub global_radius: Option<f32>,
-    /// Radius of estimates from the caustic map, render space, in place of a count of photons.
+    /// Fixed radius of estimates from the caustic map, render space; replaces the number of photons.
     pub caustic_radius: Option<f32>,
     /// Weights and bias of caustic estimates.
     pub caustic: EstimateParams,
     /// Weights and bias of estimates from the global map.
     pub global: EstimateParams,
-    /// Search region.
+    /// Shape of the search region.
     pub region: SearchRegion,
-    /// Whether estimates shrink where they change in one direction only.
+    /// Whether estimates shrink where they grow or fall in one direction only (differential checking).
     pub differential_check: bool,
     /// Largest radius of an estimate, render space.
     pub max_radius: f32,
-    /// Radius of the scene, render space; infinite where it has none.
+    /// Radius of the scene, render space; infinite where the scene has none.
     pub scene_radius: f32,
     /// Final gather rays per camera sample.
     pub gather_samples: u32,
-    /// Distribution rays at the first highly glossy lobe that a camera sample meets; fewer at the next ones.
+    /// Distribution rays at the first highly glossy lobe that a camera sample meets; the next lobes get fewer.
     pub glossy_samples: u32,
     /// Shadow rays per light and camera sample.
     pub light_samples: u32,
-    /// Whether estimates leave out what cannot be seen from their centre.
+    /// Whether estimates exclude what is not visible from their centre.
     pub visible_kernel: bool,
-    /// Camera samples of one pixel that are nearer to one another than this share of the radius of a caustic estimate share
-    /// it, on Lambertian surfaces.
+    /// Camera samples of one pixel share a caustic estimate on a Lambertian surface if they are closer to each other than this share of
+    /// its radius.
     pub caustic_reuse: f32,
-    /// Surfaces that a chain of specular reflections may have.
+    /// Largest number of surfaces in a chain of specular reflections.
     pub max_depth: u32,
-    /// Behind a diffuse reflection, surfaces nearer than this are computed accurately (Jensen 1996, section 4), render
-    /// space.
+    /// Behind a diffuse reflection, surfaces closer than this are computed accurately (Jensen 1996, section 4); render space.
     pub accurate_distance: f32,
-    /// Paths that carry less than this are evaluated from the maps alone.
+    /// Paths with a smaller weight than this are evaluated from the maps alone.
     pub approximate_weight: f32,
-    /// How far a round of progressive rendering has narrowed what is biased; `None` for a picture of one map alone.
+    /// Narrowing of the biased estimates in a round of progressive rendering; `None` for an image from a single set of maps.
     pub narrowing: Option<Narrowing>,
 }
 
 impl PhotonMapSettings {
-    /// A query of the global map at a place.
+    /// A query of the global map at a point.
     pub fn global_query(&self, position: Vec3, normal: Vec3) -> Query {
         self.query(position, normal, self.global_nearest, self.global_radius)
     }
 
-    /// A query of the caustic map at a place.
+    /// A query of the caustic map at a point.
     ///
-    /// It reaches no farther than where, were the photons spread evenly over a sphere around the scene, it would find four
-    /// times as many as are wanted: beyond that caustics are so faint that one photon more or less changes nothing, and what
-    /// a wide search meets is the foci of others. Rounds of progressive rendering have a law of their own.
+    /// The radius is limited to where, if the photons were spread evenly over a sphere around the scene, the query would find four times
+    /// as many as it needs. Beyond that radius caustics are so faint that one photon more or less makes no difference, and a wide search
+    /// only meets the foci of other caustics. Rounds of progressive rendering have their own radius schedule.
     ///
-    /// Where only a `share` of a camera sample arrives fewer photons serve, and half the reach, since their noise counts by that
-    /// share.
+    /// Where only a `share` of a camera sample arrives, fewer photons and down to half the reach are enough, because the noise is scaled
+    /// by that share.
     pub fn caustic_query(&self, map: &PhotonMap, position: Vec3, normal: Vec3, share: f32) -> Query {
         let least = self.caustic_nearest.min(LEAST_CAUSTIC_NEAREST);
         let wanted = ((self.caustic_nearest as f32 * share).ceil() as u32).clamp(least, self.caustic_nearest);
@@ -122,52 +121,52 @@ impl PhotonMapSettings {
     }
 }
 
-/// The maps of pass 1; those that the plan leaves out are `None`.
+/// The maps of pass 1. Maps that the plan leaves out are `None`.
 #[derive(Debug, Default)]
 pub struct PhotonMaps {
     /// All photons on diffuse surfaces.
     pub global: Option<PhotonMap>,
     /// Irradiance precomputed at photons of the global map; `None` for full estimates at every gather ray.
     pub irradiance: Option<IrradianceMap>,
-    /// Where indirect light comes from; `None` where directions are drawn from BSDFs alone.
+    /// Directional distributions of the indirect light; `None` where directions are sampled from BSDFs alone.
     pub guide: Option<DirectionGuide>,
-    /// Irradiance precomputed at photons of the caustic map, for what is seen blurred; `None` for full estimates there too.
+    /// Irradiance precomputed at photons of the caustic map, for glossy and gather lookups; `None` for full estimates there too.
     pub caustic_irradiance: Option<IrradianceMap>,
     /// Photons that met only specular surfaces.
     pub caustic: Option<PhotonMap>,
-    /// Sums of photons over objects with coordinates; `None` where there are none.
+    /// Photons summed up over objects with illumination maps; `None` where there are no such objects.
     pub illumination: Option<IlluminationMaps>,
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
     pub shadows: Option<ShadowMaps>,
 }
 
 impl PhotonMaps {
-    /// Bytes of all precomputed irradiance.
+    /// Memory in bytes of all precomputed irradiance.
     pub fn irradiance_bytes(&self) -> u64 {
         let of = |map: &Option<IrradianceMap>| map.as_ref().map_or(0, IrradianceMap::memory_bytes);
         (of(&self.irradiance) + of(&self.caustic_irradiance)) as u64
     }
 }
 
-/// Photons of a caustic estimate that counts for little in a camera sample.
+/// Smallest number of photons of a caustic estimate with a small share of a camera sample.
 const LEAST_CAUSTIC_NEAREST: u32 = 32;
 
-/// How far from a point its precomputed caustics are read, as a share of the radius of its estimate. Points lie at every fourth
-/// photon, so that where there are as many as an estimate wants nearly all places are nearer than a third; few photons spread
-/// their light over most of the radius anyway.
+/// Validity radius of a point with precomputed caustics, as a share of the radius of its estimate. Every fourth photon is such a point.
+/// Where there are as many photons as an estimate needs, nearly all positions are therefore closer to a point than a third of the
+/// radius; where there are few, they spread their light over most of the radius anyway.
 pub const CAUSTIC_POINT_REACH: f32 = 0.5;
 
-/// Share of a camera sample up to which caustics are read at points.
+/// Largest share of a camera sample for which precomputed caustics are read.
 const LARGEST_SHARE_NEARBY: f32 = 0.5;
 
-/// Caustics fainter than this, as a share of the other light of the camera sample, are estimated over the whole disc: what
-/// cannot be seen from its centre changes them by less than any eye sees.
+/// Caustics fainter than this share of the other light of the camera sample are estimated over the whole disc: parts that are not
+/// visible from its centre make no visible difference.
 const FAINT_CAUSTICS: f32 = 0.005;
 
-/// The same as a share of the light at one surface, however little of that arrives.
+/// The same limit as a share of the light at one surface, however little of it arrives at the eye.
 const FAINTEST_HERE: f32 = 0.1;
 
-/// Pass 2.
+/// The photon map integrator (pass 2).
 #[derive(Debug)]
 pub struct PhotonMapIntegrator<'a> {
     scene: &'a Scene,
@@ -184,18 +183,18 @@ struct Vertex<'a> {
     hit: &'a SurfaceInteraction,
     shading: &'a Shading,
     medium: MediumStack,
-    /// Share of the camera sample that arrives here: scales the number of gather rays.
+    /// Share of the camera sample that arrives here; scales the number of gather rays.
     share: f32,
-    /// What light from here is multiplied by on its way to the eye, brightest channel.
+    /// Factor on light from here on its way to the eye, brightest channel.
     weight: f32,
-    /// Segments from the eye to here.
+    /// Number of segments from the eye to here.
     depth: u32,
-    /// Way from the eye to here.
+    /// Path length from the eye to here.
     travelled: f32,
 }
 
 impl<'a> PhotonMapIntegrator<'a> {
-    /// Reads `maps` for pictures of `scene` from a camera in `camera_medium`.
+    /// Reads `maps` for images of `scene` from a camera in `camera_medium`.
     pub fn new(
         scene: &'a Scene,
         maps: &'a PhotonMaps,
@@ -209,18 +208,18 @@ impl<'a> PhotonMapIntegrator<'a> {
         Self { scene, maps, settings, direct, bsdf_sampling, camera_medium, cache: None }
     }
 
-    /// How gather rays are drawn at a vertex.
+    /// How directions of gather rays are sampled at a vertex.
     fn directions<'v>(&'v self, vertex: &Vertex<'v>, scratch: &mut Scratch) -> Directions<'v> {
         Directions::new(self.maps.guide.as_ref(), vertex.hit, vertex.shading, &mut scratch.counters)
     }
 
-    /// Radiance of caustics up to which their visibility is not asked for, where `other` light leaves a vertex.
+    /// Largest radiance of caustics whose visibility is not tested, if the vertex sends out the radiance `other`.
     fn faint_caustics(vertex: &Vertex<'_>, other: Rgb) -> f32 {
         (FAINT_CAUSTICS / vertex.share.max(FAINT_CAUSTICS)).min(FAINTEST_HERE) * (other.element_sum() / 3.0)
     }
 
-    /// Third integral: the caustic map, shown directly, beside `other` light that leaves the vertex. And by how much that is
-    /// expected to be off, in rounds of progressive rendering.
+    /// The third integral: the caustic map, shown directly. `other` is the other light that leaves the vertex. The second value is the
+    /// expected bias, in rounds of progressive rendering.
     fn caustics(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> (Rgb, Rgb) {
         let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
         if let Some(radiance) = by_map {
@@ -242,7 +241,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         (estimate.value, narrowing::bias_of(&estimate))
     }
 
-    /// The same behind a diffuse reflection.
+    /// The same integral behind a diffuse reflection.
     fn caustics_behind(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> Rgb {
         if let Some(radiance) = self.caustics_nearby(vertex, scratch) {
             return radiance;
@@ -253,7 +252,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         scratch.counters.caustic_lookups += 1;
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
         let query = self.settings.caustic_query_behind(narrowing, position, normal);
-        // Feelers would cost more than all else, and the radius is small.
+        // Feeler rays would dominate the cost, and the radius is small.
         let reading = PhotonMapSettings { visible_kernel: false, ..self.settings };
         reflected_estimate(
             self.scene,
@@ -265,14 +264,15 @@ impl<'a> PhotonMapIntegrator<'a> {
         .value
     }
 
-    /// Caustics as the nearest point says where they are precomputed; `None` where none is near enough.
+    /// Caustics from the nearest precomputed point; `None` where caustics are not precomputed or no point is near enough.
     fn caustics_nearby(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> Option<Rgb> {
         let points = self.maps.caustic_irradiance.as_ref().filter(|_| self.settings.narrowing.is_none())?;
         let lambert = vertex.shading.bsdf.lambertian()?;
         let (position, normal) = (vertex.hit.point.position, vertex.hit.facing_normal());
         let connects = |place, facing| self.scene.connects(vertex.hit, place, facing);
         let map = self.maps.caustic.as_ref()?;
-        // No point answers farther away than this: a place far from all of its own side would else look at all around it.
+        // Largest validity radius of a point. Without it, a position far from all points of its own side would search all the points
+        // around it.
         let widest = self.settings.caustic_query(map, position, normal, 1.0).max_radius;
         let largest = CAUSTIC_POINT_REACH * widest.min(self.settings.max_radius);
         let irradiance = points.near(position, normal, largest, connects)?;
@@ -280,8 +280,8 @@ impl<'a> PhotonMapIntegrator<'a> {
         Some(lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
-    /// [`Self::caustics`] for a surface that the eye sees: an estimate that blurs over the pixel is made once for its camera
-    /// samples. Not for what gather rays meet, which are other places in each sample.
+    /// [`Self::caustics`] for a surface that the eye sees. An estimate that blurs over the pixel is computed once for all its camera
+    /// samples. It is not shared by gather rays, which land at different places in each sample.
     fn shared_caustics(&self, vertex: &Vertex<'_>, other: Rgb, scratch: &mut Scratch) -> (Rgb, Rgb) {
         let reuse = self.settings.caustic_reuse;
         let shares = reuse > 0.0 && self.settings.narrowing.is_none();
@@ -309,15 +309,15 @@ impl<'a> PhotonMapIntegrator<'a> {
             };
             let what = (map, &query, &self.settings.caustic);
             let (estimate, seen) = irradiance(self.scene, &self.settings, what, scratch);
-            // What stands nearer separates places that the estimate tells apart.
+            // Geometry closer than the radius separates places for which estimates differ.
             scratch.remembered.note(position, normal, seen.min(reuse * estimate.radius), estimate.value);
             estimate.value
         });
         (lambert.reflectance * irradiance * FRAC_1_PI, Rgb::ZERO)
     }
 
-    /// Radiance that a Lambertian surface reflects of the light that `read` finds in its illumination map; `None` where it has
-    /// none.
+    /// Radiance that a Lambertian surface reflects of the light that `read` finds in its illumination map; `None` where it has no such
+    /// map.
     fn summed_up(
         &self,
         hit: &SurfaceInteraction,
@@ -332,7 +332,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         Some(lambert.reflectance * irradiance * FRAC_1_PI)
     }
 
-    /// All integrals at a surface that is not ideal specular, but for what highly glossy lobes find by their own rays.
+    /// All integrals at a surface that is not ideally specular, except for what the rays of highly glossy lobes find.
     fn shade(
         &self,
         vertex: &Vertex<'_>,
@@ -362,7 +362,7 @@ impl<'a> PhotonMapIntegrator<'a> {
         let (mut caustics, mut gathered) = (Rgb::ZERO, Gain::default());
         if has_diffuse {
             gathered = self.indirect(vertex, &directions, samples, scratch);
-            // Of what the eye sees itself without indirect light, so that an irradiance cache changes that alone.
+            // At surfaces seen directly, indirect light is left out, so that an irradiance cache changes nothing else.
             let indirect = if vertex.depth > 1 { gathered.indirect } else { Rgb::ZERO };
             let other = by_light.diffuse + gathered.direct + indirect;
             let bias;

@@ -1,4 +1,4 @@
-//! Irradiance at a place by the maps, and by final gathering.
+//! Irradiance at a point, from the maps or by final gathering.
 
 use super::lookup::reflected;
 use super::{PhotonMapIntegrator, Vertex};
@@ -11,8 +11,8 @@ use crate::sampling::SampleStream;
 use std::f32::consts::PI;
 
 impl PhotonMapIntegrator<'_> {
-    /// One estimate of the irradiance at a surface in `medium` the way pictures are made: shadow rays, the caustic map, and gather
-    /// rays that read the global map.
+    /// One estimate of the irradiance at a surface in `medium`, computed as for images: by shadow rays, the caustic map, and gather rays
+    /// that read the global map.
     pub fn gathered_irradiance(
         &self,
         receiver: &Receiver,
@@ -36,8 +36,8 @@ impl PhotonMapIntegrator<'_> {
         Irradiance::of_white(&out)
     }
 
-    /// The irradiance that the illumination map of the surface says: all light but caustics counts as indirect here, since the map
-    /// does not tell it apart. `None` where the surface has no such map.
+    /// Irradiance from the illumination map of the surface. All light except caustics counts as indirect here, because the map does not
+    /// separate it. `None` where the surface has no such map.
     pub fn summed_irradiance(&self, receiver: &Receiver) -> Option<Irradiance> {
         let maps = self.maps.illumination.as_ref()?;
         let (surface, position) = (receiver.hit.surface, receiver.hit.point.position);
@@ -47,8 +47,8 @@ impl PhotonMapIntegrator<'_> {
         Some(Irradiance { direct: Rgb::ZERO, caustic, indirect })
     }
 
-    /// The irradiance that the photons themselves say: direct and indirect light from the global map, each by the photons of
-    /// its class, caustics from the caustic map.
+    /// Irradiance estimated from the photons themselves: direct and indirect light from the global map, each from the photons of its
+    /// class, and caustics from the caustic map.
     pub fn photon_irradiance(&self, receiver: &Receiver, scratch: &mut Scratch) -> Irradiance {
         let (position, normal) = (receiver.hit.point.position, receiver.hit.facing_normal());
         let mut global = |class| {

@@ -1,20 +1,21 @@
-//! What the camera samples of one pixel share: an estimate that blurs light over many pixels says the same for all of them.
+//! Estimates shared by the camera samples of one pixel: an estimate that blurs light over many pixels has the same value for all of
+//! them.
 
 use crate::integrators::Scratch;
 use crate::math::Rgb;
 use arrayvec::ArrayVec;
 use glam::Vec3;
 
-/// Estimates that are remembered: of what a pixel shows directly and by way of specular surfaces.
+/// Number of estimates kept: those for what a pixel shows directly and through specular surfaces.
 const REMEMBERED: usize = 4;
 
-/// Cosine between the normals of places that may share an estimate: 10 degrees, so that small round things share theirs too.
+/// Smallest cosine between the normals of places that may share an estimate: 10 degrees, so that small round objects share theirs too.
 const LEAST_COSINE: f32 = 0.985;
 
-/// Distance from the tangent plane over the distance that is allowed within it, up to which a place is of the same surface.
+/// Largest distance from the tangent plane for places of the same surface, as a share of the distance allowed within the plane.
 const LARGEST_STEP: f32 = 0.1;
 
-/// Caustic irradiance at a place, and how far around it that is good for.
+/// Caustic irradiance at a point, with its validity radius.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     position: Vec3,
@@ -23,7 +24,7 @@ struct Known {
     irradiance: Rgb,
 }
 
-/// The estimates of one pixel.
+/// The kept estimates of one pixel.
 #[derive(Clone, Debug, Default)]
 pub(in crate::integrators) struct Remembered {
     all: ArrayVec<Known, REMEMBERED>,
@@ -31,7 +32,7 @@ pub(in crate::integrators) struct Remembered {
 }
 
 impl Remembered {
-    /// The irradiance that was found so near that it holds here.
+    /// The irradiance of an estimate that is valid here.
     pub(super) fn at(&self, position: Vec3, normal: Vec3) -> Option<Rgb> {
         let holds = |known: &&Known| {
             let offset = position - known.position;
@@ -42,7 +43,7 @@ impl Remembered {
         self.all.iter().find(holds).map(|known| known.irradiance)
     }
 
-    /// Takes note of an estimate, in place of the oldest.
+    /// Keeps an estimate; it replaces the oldest where there is no room.
     pub(super) fn note(&mut self, position: Vec3, normal: Vec3, reach: f32, irradiance: Rgb) {
         if !(reach > 0.0) {
             return;
@@ -61,7 +62,7 @@ impl Remembered {
 }
 
 impl Scratch {
-    /// Forgets what the samples of another pixel found, so that pixels do not depend on the order in which they are rendered.
+    /// Discards the estimates of another pixel, so that pixels do not depend on the order in which they are rendered.
     pub fn begin_pixel(&mut self) {
         self.remembered.clear();
     }
@@ -83,11 +84,11 @@ mod tests {
         assert!(all.at(Vec3::ZERO, Vec3::new(0.2, 0.0, 0.98)).is_none(), "another slope");
         assert!(all.at(Vec3::Z * 0.05, Vec3::Z).is_none(), "a step above");
         assert!(all.at(Vec3::NAN, Vec3::Z).is_none());
-        // Without reach, as at a wall, nothing is kept.
+        // Estimates with a zero radius, as next to a wall, are not kept.
         all.note(Vec3::Y, Vec3::Z, 0.0, Rgb::ONE);
         all.note(Vec3::Y, Vec3::Z, f32::NAN, Rgb::ONE);
         assert!(all.at(Vec3::Y, Vec3::Z).is_none());
-        // The oldest goes first.
+        // The oldest estimate is replaced first.
         (1..=REMEMBERED).for_each(|i| all.note(Vec3::X * i as f32, Vec3::Z, 0.1, Rgb::splat(i as f32)));
         assert!(all.at(Vec3::ZERO, Vec3::Z).is_none());
         assert_eq!(all.at(Vec3::X * 4.0, Vec3::Z), Some(Rgb::splat(4.0)));

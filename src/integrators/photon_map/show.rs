@@ -1,4 +1,4 @@
-//! Maps shown directly.
+//! Direct display of one photon map.
 
 use super::lookup::reflected;
 use super::walk::{Walk, walk_specular};
@@ -11,7 +11,7 @@ use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
 use std::f32::consts::FRAC_1_PI;
 
-/// Shows one map at the first diffuse surface seen directly or through specular ones (figure 4 of Jensen 1996).
+/// Displays one map at the first diffuse surface seen directly or through specular ones (figure 4 of Jensen 1996).
 #[derive(Debug)]
 pub struct ShowPhotons<'a> {
     scene: &'a Scene,
@@ -22,7 +22,7 @@ pub struct ShowPhotons<'a> {
 }
 
 impl<'a> ShowPhotons<'a> {
-    /// Shows the map of this kind.
+    /// Displays the map of this kind.
     pub fn new(
         scene: &'a Scene,
         maps: &'a PhotonMaps,

@@ -1,4 +1,4 @@
-//! Photons shown one by one, in the colours of their classes.
+//! Display of single photons in the colours of their classes.
 
 use super::walk::{Walk, walk_specular};
 use super::{PhotonMapSettings, PhotonMaps, Vertex};
@@ -10,14 +10,14 @@ use crate::photons::{PhotonClass, PhotonClasses, PhotonMap, Query};
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
 
-/// Radius of the disc of a photon, as a share of the scene's radius.
+/// Radius of a photon's disc, as a share of the scene's radius.
 const DISC: f32 = 0.006;
 
-/// Radiance between the discs, as a share of the surface's albedo, so that the scene can be made out.
+/// Radiance between the discs, as a share of the surface's albedo, so that the scene remains recognisable.
 const GROUND: f32 = 0.1;
 
-/// Shows each photon of a map, and the shadow photons of all lights, as a disc on the first diffuse surface seen directly
-/// or through specular ones (figure 1 of Jensen 1996). Radiance is 1 at the brightest, whatever the lights.
+/// Displays each photon of a map, and the shadow photons of all lights, as a disc on the first diffuse surface seen directly or through
+/// specular ones (figure 1 of Jensen 1996). The largest radiance is 1, whatever the lights.
 #[derive(Debug)]
 pub struct ShowClasses<'a> {
     scene: &'a Scene,
@@ -28,7 +28,7 @@ pub struct ShowClasses<'a> {
 }
 
 impl<'a> ShowClasses<'a> {
-    /// Shows the map of this kind and the shadow photons that `maps` hold.
+    /// Displays the map of this kind and the shadow photons that `maps` hold.
     pub fn new(
         scene: &'a Scene,
         maps: &'a PhotonMaps,
@@ -39,7 +39,7 @@ impl<'a> ShowClasses<'a> {
         Self { scene, maps, kind, max_depth: settings.max_depth, camera_medium }
     }
 
-    /// Class of the nearest photon whose disc covers the place.
+    /// Class of the nearest photon whose disc covers the point.
     fn class_at(&self, vertex: &Vertex<'_>) -> Option<PhotonClass> {
         let radius = DISC * self.scene.bounds().1;
         let query = Query::within(vertex.hit.point.position, vertex.hit.facing_normal(), radius);

@@ -1,4 +1,4 @@
-//! From the camera over specular and highly glossy lobes to diffuse ones.
+//! Walk from the camera over specular and highly glossy lobes to surfaces with other lobes.
 
 use super::Vertex;
 use super::glossy::push_scattered;
@@ -12,21 +12,20 @@ use crate::scene::Scene;
 use crate::transport::{Arrival, Event, emitted, escaped, next_event};
 use std::cell::Cell;
 
-/// How a camera ray is followed.
+/// Parameters of following a camera ray.
 #[derive(Clone, Copy)]
 pub(super) struct Walk<'a> {
     pub scene: &'a Scene,
-    /// Surfaces that a path may have.
+    /// Largest number of surfaces in a path.
     pub max_depth: u32,
     /// Distribution rays at the first highly glossy lobe of a camera sample.
     pub glossy_samples: u32,
-    /// Whether lights are sampled at highly glossy lobes: emission found by their rays is weighted against that.
+    /// Whether lights are sampled at highly glossy lobes; emission that their rays hit then gets an MIS weight.
     pub samples_lights: bool,
 }
 
-/// Follows a camera ray through specular and highly glossy lobes and calls `shade` at each surface that has another lobe,
-/// or a highly glossy one, which sees lights by their samples. What is behind such a lobe belongs to the specular part
-/// whatever it is.
+/// Follows a camera ray through specular and highly glossy lobes. Calls `shade` at each surface that has a diffuse lobe, or a highly
+/// glossy one, at which lights are sampled. All light behind the first such lobe belongs to the specular part.
 pub(super) fn walk_specular<const N: usize>(
     walk: Walk<'_>,
     camera: &EyeRay<'_>,
