@@ -1,3 +1,5 @@
+//! Errors of the glTF reader.
+
 use crate::image_io::ImageError;
 use crate::memory::MemoryError;
 use std::path::PathBuf;

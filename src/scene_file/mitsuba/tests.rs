@@ -1,3 +1,5 @@
+//! Tests of the Mitsuba importer.
+
 use super::*;
 use crate::lights::{EnvironmentLight, EnvironmentMap};
 use crate::math::Rgb;

@@ -1,3 +1,5 @@
+//! Tests of the OBJ reader.
+
 use super::*;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";

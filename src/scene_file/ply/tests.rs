@@ -1,3 +1,5 @@
+//! Tests of the PLY reader.
+
 use super::*;
 use crate::files::BYTE_ORDER_MARK;
 use crate::math::unit;
