@@ -16,7 +16,7 @@ pub fn mesh_of_heights(grid: &HeightGrid, transform: &DAffine3) -> TriangleMesh 
     let triangles = (0..cells * cells).flat_map(|cell| {
         let a = cell / cells * side + cell % cells;
         let (b, c, d) = (a + 1, a + side, a + side + 1);
-        // The direction of the longer diagonal alternates, so that no direction is preferred.
+        // The direction of the diagonal alternates, so that no direction is preferred.
         if (cell / cells + cell % cells).is_multiple_of(2) {
             [[a, c, d], [a, d, b]]
         } else {

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 pub struct GltfError {
     /// The file.
     pub file: PathBuf,
-    /// The object in it, by its place in the JSON and its name; empty for the file as a whole.
+    /// The object in the file, by its path in the JSON and its name; empty for the file as a whole.
     pub object: String,
     /// What is wrong, and what to do about it.
     pub problem: GltfProblem,
