@@ -45,7 +45,7 @@ pub struct MemoryEstimate {
     pub photons: u64,
     /// Additional memory while photons are traced and their trees are built.
     pub tracing: u64,
-    /// Projection maps that aim photons, needed only while photons are traced.
+    /// Tables that aim photons, in memory only while photons are traced.
     pub aiming: u64,
     /// The picture.
     pub film: u64,

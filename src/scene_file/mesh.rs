@@ -109,7 +109,7 @@ pub struct MeshReport {
     pub unusable_uvs: u64,
     /// Lines, points, curves and surfaces of an OBJ file, left out.
     pub other_elements: u64,
-    /// Vertices without a colour beside others that have one, taken for white.
+    /// Vertices without a colour in a file where others have one; they become white.
     pub colourless_vertices: u64,
     /// Whether colours were numbers up to 255 or more where 1 was expected, and were scaled.
     pub scaled_colours: bool,

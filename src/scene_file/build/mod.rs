@@ -65,7 +65,7 @@ pub struct BuildError {
     pub problem: BuildProblem,
 }
 
-/// What can be wrong with an object.
+/// A problem of an object.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildProblem {
     /// The mesh file cannot be read.

@@ -16,7 +16,7 @@ pub struct GltfError {
     pub problem: GltfProblem,
 }
 
-/// What can be wrong with a glTF file.
+/// A problem of a glTF file.
 #[derive(Debug, thiserror::Error)]
 pub enum GltfProblem {
     /// The system refused to read.
