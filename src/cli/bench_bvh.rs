@@ -1,4 +1,4 @@
-//! `cardioid bench bvh`: Embree against hierarchies written in Rust, on a mesh and the rays of its picture.
+//! `cardioid bench bvh`: Embree against BVHs written in Rust, on a mesh and the rays of its picture.
 
 use super::bench_caustic;
 use super::outputs::{Named, Outputs};
@@ -125,7 +125,7 @@ fn measure(args: &BvhArgs, mesh: &Path, outputs: &Outputs) -> Result<BvhReport> 
     let description = mesh_scene(mesh, &parameters).map_err(|error| anyhow!("{error}"))?;
     outputs.check_scene(&description)?;
     let device = Arc::new(Device::new(args.threads).context("cannot trace rays")?);
-    // Square, as are the pixels that rays are recorded for.
+    // Square, like the pixels for which rays are recorded.
     let built = build_scene(&description, &device, (512, 512)).map_err(|error| shorter(error, true))?;
     for warning in &built.warnings {
         say!("warning: {}: {}", mesh.display(), warning.message);
@@ -150,7 +150,7 @@ fn stem(mesh: &Path) -> String {
     mesh.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// What is written of a mesh of this name, by its ending.
+/// Report files for a mesh of this name, by extension.
 fn report_files(folder: &Path, name: &str) -> [(&'static str, PathBuf); 3] {
     ["md", "svg", "json"].map(|extension| (extension, folder.join(format!("{name}.{extension}"))))
 }

@@ -1,4 +1,4 @@
-//! `cardioid bench caustic`: estimates along a line through a caustic against the exact solution.
+//! `cardioid bench caustic`: density estimates along a line through a caustic, compared with the exact solution.
 
 use super::outputs::{Named, Outputs};
 use super::progress::Console;

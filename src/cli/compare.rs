@@ -58,7 +58,7 @@ pub(crate) struct CompareArgs {
     pub(crate) difference: Option<PathBuf>,
 }
 
-/// What is printed for one picture.
+/// The figures that are printed for one picture.
 #[derive(Serialize)]
 struct Row<'a> {
     test: &'a Path,
@@ -73,20 +73,20 @@ struct Loaded {
     width: u32,
     height: u32,
     values: Vec<f32>,
-    /// Of a larger picture, where it is one.
+    /// Its window, where the file is a part of a larger picture.
     window: Option<Window>,
-    /// Where the file says it.
+    /// Meaning of its layers, where the file states it.
     meaning: Option<LayerMeaning>,
 }
 
 impl Loaded {
-    /// Its place in the whole picture, and the size of that.
+    /// Its place in the whole picture, and the size of the whole picture.
     fn place(&self) -> Window {
         let whole = Window { x: 0, y: 0, full_width: self.width, full_height: self.height };
         self.window.unwrap_or(whole)
     }
 
-    /// The part of this picture that shows what `other` shows; `None` where it does not show all of that.
+    /// The part of this picture that covers `other`; `None` where it does not cover all of it.
     fn part(&self, other: &Self) -> Option<Self> {
         let (here, there) = (self.place(), other.place());
         let size = |place: Window| (place.full_width, place.full_height);
@@ -142,7 +142,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<ExitCode> {
                 args.aov
             );
         }
-        // A window is compared with the same part of a reference that shows more.
+        // A window is compared with the same part of a larger reference.
         let is_part = loaded.window.is_some() && loaded.place() != first.place();
         let part =
             match is_part.then(|| halves.iter().map(|half| half.part(&loaded)).collect::<Option<Vec<_>>>()) {
@@ -205,7 +205,7 @@ fn reference_of(args: &CompareArgs, halves: &[Loaded]) -> Result<Reference> {
 
 fn load(path: &Path, aov: &str) -> Result<Loaded> {
     let image = image_io::read(path)?;
-    // The picture proper has no name in a file.
+    // The main layer has no name in a file.
     let name = if aov == "beauty" { "" } else { aov };
     let Some(layer) = image.layer(name).or_else(|| image.layer(aov)) else {
         bail!("{} has no layer \"{aov}\"; {}", path.display(), layers_of(&image));
@@ -227,7 +227,7 @@ pub(crate) fn read_picture(path: &Path, aov: &str) -> Result<((u32, u32), Vec<f3
     Ok(((width, height), values))
 }
 
-/// True for the kinds of file that hold sRGB rather than linear values.
+/// True for file formats that hold sRGB values rather than linear ones.
 fn is_display_encoded(path: &Path) -> bool {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     ["png", "jpg", "jpeg", "bmp", "tga", "webp"].contains(&extension.as_str())
@@ -244,7 +244,7 @@ fn layers_of(image: &Image) -> String {
     }
 }
 
-/// Three channels a pixel: R, G, B where the layer has them, else its only three, or its only one as grey.
+/// Three channels for each pixel: R, G, B where the layer has them, else its only three channels, or its only channel as grey.
 fn to_rgb(layer: &Layer) -> Result<Vec<f32>> {
     let count = layer.channels.len();
     let named = ["R", "G", "B"].map(|name| layer.channel_index(name));
@@ -263,7 +263,7 @@ fn write_difference(path: &Path, size: &Loaded, differences: &[f32]) -> Result<(
     Ok(())
 }
 
-/// Colour of a signed relative difference.
+/// False colour of a signed relative difference.
 fn false_colour(difference: f32) -> [u8; 3] {
     let strength = (1.0 + difference.abs().log10() / 3.0).clamp(0.0, 1.0);
     let (full, tail) = (srgb_encode_u8(strength), srgb_encode_u8(0.5 * strength * strength));
@@ -286,7 +286,7 @@ fn table(rows: &[Row<'_>]) -> String {
             f.relmse_u.map_or("-".to_owned(), short),
             f.relrmse_u.map_or("-".to_owned(), short),
             short(f.relmse_t),
-            // Of a black reference there is no share.
+            // There is no relative bias for a black reference.
             if f.bias.is_finite() { format!("{:+.3} %", f.bias) } else { "-".to_owned() },
             short(f.firefly),
             f.nan.to_string(),
@@ -308,7 +308,7 @@ fn table(rows: &[Row<'_>]) -> String {
     text
 }
 
-/// Five digits that count.
+/// A number with five significant digits.
 fn short(x: f64) -> String {
     match x.abs() {
         0.0 => "0".to_owned(),

@@ -1,4 +1,4 @@
-//! What was probably meant by a wrong command line: options under the names they have elsewhere, and a file without a subcommand.
+//! Hints for a wrong command line: options under the names that other programs use, and a file without a subcommand.
 
 use clap::builder::{StyledStr, UnknownArgumentValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -6,7 +6,7 @@ use clap::{Arg, ArgAction, Command, Error};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Names of other programs for options, and the option that is meant.
+/// Names of options in other programs, and the option that is meant.
 const ELSEWHERE: &[(&str, &str)] = &[
     ("size", "--resolution"),
     ("dimensions", "--resolution"),
@@ -23,7 +23,7 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("out", "--output"),
 ];
 
-/// The same command, whose subcommands know names that their options have elsewhere, to say what they are called here.
+/// Adds the other programs' option names to all subcommands, so that the error can name the right option.
 pub(super) fn knowing_other_names(command: Command) -> Command {
     let own: BTreeSet<String> =
         command.get_arguments().filter_map(|arg| arg.get_long().map(str::to_owned)).collect();
@@ -35,7 +35,7 @@ pub(super) fn knowing_other_names(command: Command) -> Command {
     command.mut_subcommands(knowing_other_names)
 }
 
-/// The error of a wrong command line; where a file stands in the place of a subcommand, with what to write instead.
+/// Extends the error of a wrong command line: where a file stands in place of a subcommand, the error says what to write instead.
 pub(super) fn with_hint(mut error: Error) -> Error {
     let name = match error.get(ContextKind::InvalidSubcommand) {
         Some(ContextValue::String(name)) => name.clone(),
@@ -45,7 +45,7 @@ pub(super) fn with_hint(mut error: Error) -> Error {
     if error.kind() == ErrorKind::InvalidSubcommand && is_file {
         let hint = StyledStr::from(format!("to render a file: cardioid render {name}"));
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![hint]));
-        // What is spelt like it is not meant.
+        // A subcommand with a similar name is not meant.
         error.remove(ContextKind::SuggestedSubcommand);
     }
     error

@@ -1,4 +1,4 @@
-//! `cardioid info`: what a scene holds and what would be built for it.
+//! `cardioid info`: the contents of a scene and the plan for rendering it.
 
 use super::outputs::{Named, Outputs};
 use super::picture::{SceneArgs, describe_camera, load};
@@ -33,14 +33,14 @@ pub(crate) struct InfoArgs {
     json: bool,
 }
 
-/// A material, and what it is in words.
+/// A material and its description.
 #[derive(Serialize)]
 struct DescribedMaterial {
     name: String,
     kind: String,
 }
 
-/// What `--json` prints.
+/// The output of `--json`.
 #[derive(Serialize)]
 struct Described<'a> {
     scene: &'a str,
@@ -109,7 +109,8 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         writeln!(out, "  {name:24} {decision}")?;
     }
     writeln!(out, "settings")?;
-    // By way of text, which has the shortest number that reads as the same one: 0.2, and not 0.20000000298.
+    // Numbers are converted by way of text, which has the shortest form that reads as the same number: 0.2, and not
+    // 0.20000000298.
     if let serde_json::Value::Object(values) = serde_json::from_str(&serde_json::to_string(&settings)?)? {
         for (name, value) in values {
             writeln!(out, "  {name:24} {value}")?;
@@ -119,7 +120,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Surfaces that touch, some of them in a line.
+/// Writes the surfaces that touch, in one line that lists at most `SHOWN` pairs.
 fn write_contacts(out: &mut impl Write, scene: &Scene) -> Result<()> {
     const SHOWN: usize = 8;
     let touching = scene.touching();
@@ -142,7 +143,7 @@ fn write_contacts(out: &mut impl Write, scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-/// One PNG for each light, named by its number and name.
+/// The PNG file of each light, named by the light's number and name.
 fn projection_map_files(scene: &Scene, folder: &Path) -> Vec<PathBuf> {
     let file = |light: usize| {
         let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };

@@ -1,22 +1,22 @@
-//! What the layers of a picture mean, which depends on how it was computed: kept in the picture, so that none are compared that
-//! mean different things.
+//! Meaning of the layers of a picture, which depends on the integrator. It is stored in the picture, so that layers with
+//! different meanings are not compared.
 
 use cardioid::image_io::{Image, MetadataValue};
 use cardioid::render::{IntegratorKind, MapKind, Settings, Show};
 
-/// Name of the metadata that says it.
+/// Name of the metadata entry.
 pub(crate) const LAYERS: &str = "cardioid/layers";
 
 /// How the light of a picture is divided among its layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LayerMeaning {
-    /// By the path it took: docs/light-paths.md.
+    /// By light path: docs/light-paths.md.
     ByPath,
-    /// Photons of the global map shown as they are, all of them in `indirect`.
+    /// Photons of the global map shown directly, all of them in `indirect`.
     GlobalPhotons,
-    /// The same of the caustic map.
+    /// Photons of the caustic map shown directly, all of them in `indirect`.
     CausticPhotons,
-    /// Photons as discs in the colours of their classes, which are no light.
+    /// Photons as discs in the colours of their classes; these values are no light.
     Classes,
 }
 
@@ -27,7 +27,7 @@ const ALL: [LayerMeaning; 4] =
 const PARTS: [&str; 5] = ["emission", "direct", "specular", "caustics", "indirect"];
 
 impl LayerMeaning {
-    /// Of a picture by these settings.
+    /// The meaning for a picture with these settings.
     pub(crate) fn of(settings: &Settings) -> Self {
         match (settings.integrator, settings.show, settings.map) {
             (IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive, _, _) => {
@@ -39,13 +39,13 @@ impl LayerMeaning {
         }
     }
 
-    /// Of a picture that was read; `None` where it does not say.
+    /// The meaning that a picture file states; `None` where it states none.
     pub(crate) fn of_image(image: &Image) -> Option<Self> {
         let Some(MetadataValue::Text(text)) = image.metadata(LAYERS) else { return None };
         ALL.into_iter().find(|meaning| meaning.name() == text)
     }
 
-    /// As the metadata has it.
+    /// Its name in the metadata.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::ByPath => "by-path",
@@ -55,7 +55,7 @@ impl LayerMeaning {
         }
     }
 
-    /// In words, after "its light is".
+    /// A phrase for messages, after "its light is".
     fn words(self) -> &'static str {
         match self {
             Self::ByPath => "divided by the path it took",
@@ -67,10 +67,10 @@ impl LayerMeaning {
         }
     }
 
-    /// Why this layer of two pictures is not the same thing; `None` where it is.
+    /// Why this layer of two pictures cannot be compared; `None` where it can.
     pub(crate) fn difference(a: Self, b: Self, layer: &str) -> Option<String> {
         let is_part = PARTS.contains(&layer);
-        // The whole picture is all light by whatever means, but for what shows no light or a part of it.
+        // The whole picture holds all light, whatever the integrator, except where it shows a part of the light or none.
         let is_whole = layer == "beauty";
         let shows_all = |meaning| matches!(meaning, Self::ByPath | Self::GlobalPhotons);
         let differ = a != b && (is_part || is_whole && !(shows_all(a) && shows_all(b)));

@@ -1,9 +1,9 @@
-//! The subcommands, one file each; the only users of clap and anyhow.
-// A new choice of a setting does not compile until each match says what it means there.
+//! The subcommands, one file for each; the only users of clap and anyhow.
+// With these lints a new choice of a setting does not compile until every match handles it.
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
-/// A line on standard error. Where it cannot be written (a log on a full disk, a pipe whose reader is gone) it is left out: what
-/// is computed is worth more than what is said of it.
+/// Prints a line to standard error. A line that cannot be written (a log on a full disk, a pipe whose reader is gone) is dropped,
+/// because the computed result matters more than the message.
 macro_rules! say {
     ($($words:tt)*) => {
         $crate::cli::say(format_args!($($words)*))
@@ -38,7 +38,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-/// What the program's end tells, for the end of the help.
+/// Exit codes of the program, for the end of the help.
 const EXIT_CODES: &str = "\
 Exit codes:
   0    done (also where --time-limit stopped a render: the picture has fewer samples)
@@ -66,9 +66,9 @@ enum Command {
     Validate(validate::ValidateArgs),
 }
 
-/// The same command, whose options take for their value what begins with a dash: "-1" for a number of threads is no unknown
-/// option, but a wrong number, and the message says what is right. Names of files, and values that may be left out, are not
-/// taken so: there an option is likelier.
+/// The same command with options that accept values beginning with a dash. "-1" for a number of threads is then a wrong number,
+/// with a message about the right range, and not an unknown option. File names and optional values are excluded: there an option
+/// is more likely.
 fn taking_any_value(command: clap::Command) -> clap::Command {
     let command = command.mut_args(|arg| {
         let is_path = arg.get_value_parser().type_id() == ValueParser::path_buf().type_id();
@@ -103,15 +103,15 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// A file that grows beyond what the user may write (`ulimit -f`) is an error of that write, as a full disk is, and does not end
+/// Makes a file that grows beyond the user's limit (`ulimit -f`) an error of that write, like a full disk, instead of the end of
 /// the program.
 fn survive_file_limits() {
     let ignored = Arc::new(AtomicBool::new(false));
-    // Where it cannot be caught, such a write ends the program as it would have done anyway.
+    // Without the handler, such a write ends the program, as it would have without this call.
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, ignored);
 }
 
-/// Writes a text to standard output. That the reader has seen enough (`cardioid info scene | head`) is no error.
+/// Writes a text to standard output. A reader that closes the pipe early (`cardioid info scene | head`) is no error.
 fn print(text: &str) -> anyhow::Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -120,7 +120,7 @@ fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Writes a text to a file, or to standard output where there is none or it is named `-`.
+/// Writes a text to a file, or to standard output where `path` is `None` or `-`.
 fn write_or_print(path: Option<&Path>, text: &str) -> anyhow::Result<()> {
     match path.filter(|path| !image_io::is_standard_output(path)) {
         Some(path) => Ok(image_io::write_text(path, text)?),
@@ -128,7 +128,7 @@ fn write_or_print(path: Option<&Path>, text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// A line on standard error, where that can be written.
+/// Prints a line to standard error, if possible.
 fn say(words: fmt::Arguments<'_>) {
     let _ = std::io::stderr().write_all(format!("{words}\n").as_bytes());
 }

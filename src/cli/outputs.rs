@@ -1,51 +1,52 @@
-//! What a command writes: checked before it starts, so that no file is lost that it reads, and no hour to a wrong name.
+//! Output files of a command. They are checked before it starts, so that no input is overwritten and a wrong name does not cost
+//! an hour.
 
 use anyhow::{Result, bail};
 use cardioid::image_io;
 use cardioid::scene_file::{SceneDescription, files_of_scene};
 use std::path::{Path, PathBuf};
 
-/// Who chose the name of a file that is written.
+/// Who chose the name of an output file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Named {
-    /// The user: what is there is replaced.
+    /// The user: an existing file is replaced.
     ByUser,
-    /// This program: what is there is replaced where it bears the mark of this program.
+    /// This program: an existing file is replaced only where it carries the mark of this program.
     ByUs,
 }
 
 struct Output {
     path: PathBuf,
-    /// What it is, for messages: "the PNG beside it".
+    /// Description for messages: "the PNG beside it".
     what: &'static str,
 }
 
-/// The files that a command writes and those that it was given to read.
+/// The files that a command writes, and the files that it reads.
 pub(crate) struct Outputs {
     outputs: Vec<Output>,
     inputs: Vec<PathBuf>,
-    /// Whether names of our own may be taken from files of others.
+    /// Whether files of other programs may be replaced under names that this program chose.
     overwrite: bool,
 }
 
 impl Outputs {
-    /// Of a command that was given these files to read.
+    /// The outputs of a command that reads `inputs`.
     pub(crate) fn new<'a>(inputs: impl IntoIterator<Item = &'a Path>) -> Self {
         let inputs = inputs.into_iter().map(Path::to_path_buf).collect();
         Self { outputs: Vec::new(), inputs, overwrite: false }
     }
 
-    /// Whether a file at a name that this program chose is replaced whoever wrote it.
+    /// Sets whether a file under a name that this program chose is replaced, whichever program wrote it.
     pub(crate) fn overwriting(self, overwrite: bool) -> Self {
         Self { overwrite, ..self }
     }
 
-    /// One more file that is read, which those added before may replace.
+    /// Adds another input, which the outputs added so far may replace.
     pub(crate) fn also_reads(&mut self, path: Option<&Path>) {
         self.inputs.extend(path.map(Path::to_path_buf));
     }
 
-    /// A file that will be written. It can be written, it is none of those that are read, nor another that is written.
+    /// Adds an output file. It must be writable, and it must not be an input or another output.
     pub(crate) fn add(&mut self, path: &Path, what: &'static str, named: Named) -> Result<()> {
         image_io::check_writable(path)?;
         let shown = path.display();
@@ -69,12 +70,12 @@ impl Outputs {
         Ok(())
     }
 
-    /// A text that will be written; to standard output where the name is `-`.
+    /// Adds a text output, which goes to standard output where the name is `-`.
     pub(crate) fn add_text(&mut self, path: &Path, what: &'static str, named: Named) -> Result<()> {
         if image_io::is_standard_output(path) { Ok(()) } else { self.add(path, what, named) }
     }
 
-    /// None of the files that are written is one that the scene is read from.
+    /// Checks that no output is a file that the scene is read from.
     pub(crate) fn check_scene(&self, scene: &SceneDescription) -> Result<()> {
         let files = files_of_scene(scene);
         self.outputs
@@ -83,7 +84,7 @@ impl Outputs {
     }
 }
 
-/// Refuses to write where `input` is.
+/// Refuses an output that would overwrite `input`.
 fn refuse_input(Output { path, what }: &Output, input: &Path) -> Result<()> {
     if image_io::is_same_file(path, input) {
         bail!(

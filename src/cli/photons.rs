@@ -1,4 +1,4 @@
-//! `cardioid photons`: pass 1 alone, into a file that any number of renders read.
+//! `cardioid photons`: pass 1 alone. It writes the photon maps into a file that any number of renders can read.
 
 use super::outputs::{Named, Outputs};
 use super::picture::{Loaded, SceneArgs, load};
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         if let Some(medium) = built.scene.media().iter().find(|medium| medium.volume.is_some()) {
             bail!("the medium `{}` scatters light: photon maps hold no light in media", medium.name);
         }
-        // Without a limit, what is free decides before photons are traced.
+        // Without a limit, the pass itself checks the free memory before it traces photons.
         if let Some(limit) = args.scene.memory_limit {
             estimate.with_photons(&settings, &settings.plan(&built.scene), &built.scene).check(Some(limit))?;
         }

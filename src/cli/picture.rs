@@ -59,7 +59,7 @@ fn name_and_value(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// More threads than any machine has cores only slow it down, and thousands bring it to a halt.
+/// Upper bound on the number of threads: more threads than cores slow a machine down, and thousands bring it to a halt.
 const MOST_THREADS: usize = 1024;
 
 pub(crate) fn threads(text: &str) -> Result<usize, String> {
@@ -77,7 +77,7 @@ fn resolution(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-/// `x0,y0,x1,y1`.
+/// Parses a window `x0,y0,x1,y1`.
 pub(crate) fn crop(text: &str) -> Result<PixelRect, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
@@ -86,34 +86,35 @@ pub(crate) fn crop(text: &str) -> Result<PixelRect, String> {
     }
 }
 
-/// A scene as it was read and built.
+/// A scene that was read and built.
 pub(crate) struct Loaded {
-    /// Its file.
+    /// Its scene file.
     path: PathBuf,
     pub(crate) description: SceneDescription,
     pub(crate) built: BuiltScene,
     pub(crate) device: Arc<Device>,
     pub(crate) size: (u32, u32),
-    /// Of everything the scene was read from.
+    /// Hash of everything that the scene was read from.
     pub(crate) hash: String,
-    /// Memory, photons left out.
+    /// Memory estimate without photons.
     pub(crate) estimate: MemoryEstimate,
 }
 
-/// Reads and builds; warnings go to standard error, after `when_built` was called. `observer` follows, and may stop it: the
-/// error then says nothing of interest. Nothing is built where `outputs` would replace a file that the scene is read from.
+/// Reads and builds a scene. Warnings go to standard error, after a call of `when_built`. `observer` follows the work and may
+/// cancel it; the error then carries no information. Nothing is built where one of `outputs` would replace a file that the scene
+/// is read from.
 pub(crate) fn load(
     args: &SceneArgs,
     outputs: &Outputs,
     observer: &dyn Observer,
     when_built: &dyn Fn(),
 ) -> Result<Loaded> {
-    // Of what is allowed, textures keep a quarter at most; what does not fit is read by tiles.
+    // Textures keep at most a quarter of the allowed memory; the rest is read by tiles.
     set_texture_memory(args.texture_memory.min(args.memory_limit.map_or(u64::MAX, |limit| limit / 4)));
     if let Some(allowed) = allowed_memory(args.memory_limit) {
         set_picture_memory(allowed.saturating_sub(MemoryEstimate::default().peak()));
     }
-    // The messages of scene files begin with the place, so nothing is put in front of them.
+    // The messages of scene files begin with the place, so no context is put in front of them.
     let is_mesh = is_mesh_file(&args.scene);
     if is_mesh && !args.scene.exists() {
         bail!("there is no mesh file {}; check its name", args.scene.display());
@@ -169,17 +170,17 @@ pub(crate) fn load(
 }
 
 impl Loaded {
-    /// The part of the picture that the scene asks for, where the picture has the size that it says.
+    /// The crop window of the scene, where the picture has the size that the scene gives.
     pub(crate) fn crop(&self) -> Option<PixelRect> {
         let FilmDescription { width, height, crop, .. } = self.description.film;
         crop.filter(|_| self.size == (width, height))
     }
 
-    /// Says on standard error what was guessed.
+    /// Prints the guesses to standard error.
     pub(crate) fn print_notes(&self) {
         for note in &self.built.notes {
             match note.location.line {
-                // Scenes of others say where; a mesh alone has no lines that say anything.
+                // Notes about other scenes name their place; the notes about a mesh alone have no useful lines.
                 1.. if is_mitsuba_file(&self.path) => say!("note: {note}"),
                 _ => say!("note: {}: {}", self.path.display(), note.message),
             }
@@ -187,10 +188,11 @@ impl Loaded {
     }
 }
 
-/// A word where the camera stands in a body: on purpose it is a picture from under water, by mistake one that nobody understands.
+/// A note for a camera inside a body. On purpose this is a picture from under water; by mistake the picture is hard to
+/// understand.
 fn note_of_medium(built: &BuiltScene) -> Option<SceneWarning> {
     let medium = built.scene.medium_at(built.camera.eye()).medium();
-    // Nobody is in a fog by mistake.
+    // A camera in fog is no mistake.
     let filling = built.scene.medium(medium);
     if filling.volume.is_some() && filling.ior == 1.0 {
         return None;
@@ -202,12 +204,12 @@ fn note_of_medium(built: &BuiltScene) -> Option<SceneWarning> {
     (medium != AIR).then(|| SceneWarning { location: built.view.location.clone(), message })
 }
 
-/// Where a mesh comes alone, the place in the scene that the program puts around it says nothing.
+/// For a mesh alone, the error omits the place in the built-in scene around it.
 pub(crate) fn shorter(error: BuildError, is_mesh: bool) -> anyhow::Error {
     if is_mesh { anyhow::Error::new(error.problem) } else { error.into() }
 }
 
-/// The camera in words.
+/// Describes the camera in words.
 pub(crate) fn describe_camera(camera: &CameraDescription) -> String {
     let axis = match camera.fov_axis {
         FovAxis::Vertical => "vertical",
@@ -217,7 +219,7 @@ pub(crate) fn describe_camera(camera: &CameraDescription) -> String {
     format!("at {}, looking at {}, {:.2} degrees {axis}", at(camera.eye), at(camera.at), camera.fov)
 }
 
-/// The filter of the film room that a scene file describes.
+/// The film's filter for that of a scene file.
 pub(crate) fn filter_of(filter: FilterDescription) -> cardioid::film::Filter {
     use cardioid::film::Filter;
     match filter {

@@ -155,7 +155,7 @@ fn points(args: &ProbeArgs) -> Result<Vec<ProbePoint>> {
         );
     }
     if let Some(file) = &args.points {
-        /// Some hundred thousand points: each takes many rays.
+        /// Some hundred thousand points, each of which takes many rays.
         const MOST_BYTES: u64 = 64 << 20;
         let bytes = files::read_regular(file, MOST_BYTES)
             .with_context(|| format!("cannot read {}", file.display()))?;
@@ -169,7 +169,7 @@ fn points(args: &ProbeArgs) -> Result<Vec<ProbePoint>> {
     Ok((0..args.count).map(at).collect())
 }
 
-/// Points of a file, one a line. Blank lines and what follows `#` are passed over, and a first line of names.
+/// Reads the points of a file, one for each line. Skips blank lines, text after `#`, and a first line of column names.
 fn read_points(text: &str, file: &Path, normal: DVec3) -> Result<Vec<ProbePoint>> {
     let mut points = Vec::new();
     let mut is_first = true;

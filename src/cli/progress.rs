@@ -10,11 +10,11 @@ use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The first signal that asked for an end; 0 before.
+/// The first signal that asked for a stop; 0 before any.
 static SIGNAL: AtomicI32 = AtomicI32::new(0);
 
-/// Catches Ctrl-C, SIGTERM and SIGHUP: the first asks for a stop with a picture of what is there, the second ends at
-/// once (files are written under another name first, so none is left half-written).
+/// Catches Ctrl-C, SIGTERM and SIGHUP. The first signal stops rendering and writes the picture so far; the second ends the
+/// program at once. Files are written under another name first, so none is left half-written.
 pub(crate) fn catch_interrupts() {
     let mut signals = match Signals::new([SIGINT, SIGTERM, SIGHUP]) {
         Ok(signals) => signals,
@@ -33,16 +33,17 @@ pub(crate) fn catch_interrupts() {
     });
 }
 
-/// Ends the program, without a picture, when its standard input ends: where that is a pipe, when whoever holds the other end is gone.
+/// Ends the program, without a picture, when its standard input ends. For a pipe that is when the process at the other end is
+/// gone.
 pub(crate) fn end_with_input() {
     std::thread::spawn(|| {
-        // An error is an end as well.
+        // An error counts as the end, too.
         let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
         std::process::exit(1);
     });
 }
 
-/// Exit code of a run that a signal stopped, once there was one: 128 and its number, as in shells.
+/// Exit code of a run that was stopped by a signal: 128 plus the number of the signal, as in shells. `None` without a signal.
 pub(crate) fn interrupted() -> Option<u8> {
     Some(SIGNAL.load(Ordering::Relaxed)).filter(|&signal| signal != 0).map(exit_code)
 }
@@ -51,23 +52,23 @@ fn exit_code(signal: i32) -> u8 {
     u8::try_from(128 + signal).unwrap_or(u8::MAX)
 }
 
-/// The nanoseconds of a time, of at most some centuries.
+/// A duration in nanoseconds; it fits for some centuries.
 fn nanoseconds(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Shows a bar for each step on a terminal, nothing elsewhere.
+/// Shows a progress bar for each step on a terminal, and nothing elsewhere.
 pub(crate) struct Console {
     bar: Mutex<ProgressBar>,
     visible: bool,
     is_quiet: bool,
     start: Instant,
-    /// Nanoseconds from the start until rendering stops; the largest number where it does not.
+    /// Nanoseconds from the start until rendering stops; the largest number without a limit.
     limit: AtomicU64,
 }
 
 impl Console {
-    /// `limit` is the time from now after which rendering stops.
+    /// `limit` is the time from now until rendering stops.
     pub(crate) fn new(quiet: bool, limit: Option<Duration>) -> Self {
         Self {
             bar: Mutex::new(ProgressBar::hidden()),
@@ -78,7 +79,7 @@ impl Console {
         }
     }
 
-    /// Keeps so much of the time limit for what comes after rendering.
+    /// Reserves part of the time limit for the work after rendering.
     pub(crate) fn reserve(&self, time: Duration) {
         let limit = self.limit.load(Ordering::Relaxed);
         if limit != u64::MAX {
@@ -86,7 +87,7 @@ impl Console {
         }
     }
 
-    /// Shows that something is under way whose length is not known, and for how long.
+    /// Shows a step of unknown length, with the elapsed time.
     pub(crate) fn busy(&self, what: &str) {
         if !self.visible {
             return;
@@ -132,7 +133,7 @@ impl Observer for Console {
     }
 
     fn foresee(&self, left: Duration, remedy: &str) {
-        /// So long nobody wonders.
+        /// Shorter waits are not reported.
         const PATIENCE: Duration = Duration::from_secs(10);
         if self.is_quiet || left < PATIENCE {
             return;
@@ -146,7 +147,7 @@ impl Observer for Console {
     }
 
     fn is_cancelled(&self) -> bool {
-        // Without the library nothing that is computed could be written.
+        // Without OpenImageIO no result could be written.
         interrupted().is_some() || library_failure().is_some()
     }
 

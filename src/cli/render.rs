@@ -98,7 +98,7 @@ enum CurveArg {
     Neutral,
 }
 
-/// An exposure.
+/// Parses an exposure in stops.
 fn stops(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(stops) if (-100.0..=100.0).contains(&stops) => Ok(stops),
@@ -141,11 +141,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     let outputs = pictures.check(args)?;
     let console = Console::new(args.quiet, args.time_limit);
     pool.install(|| {
-        // First of all: a damaged file is told before a scene is built.
+        // Before anything else, so that a damaged file is reported before a scene is built.
         let saved = args.photon_map.as_deref().map(SavedMaps::read).transpose()?;
         console.busy("reading and building the scene");
         let loaded = load(&args.scene, &outputs, &console, &|| console.finish());
-        // Where it was not even read.
+        // Also where the scene could not be read.
         console.finish();
         if let (Err(_), Some(code)) = (&loaded, interrupted()) {
             say!("stopped while the scene was read and built: there is no picture");
@@ -155,13 +155,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         if !args.quiet {
             loaded.print_notes();
         }
-        // Only now: Embree's threads ask the loader for something too, and would have to wait for this.
+        // Not earlier: Embree's threads use the dynamic loader as well and would have to wait.
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
         if args.time_limit.is_some() {
             console.busy("measuring how fast the disk is");
-            // What is measured while the machine is busy with something else must not take all the time.
+            // The measurement may run while the machine is busy, so it must not use up the remaining time.
             let left = console.deadline().map(|end| end.saturating_duration_since(Instant::now()));
             console.reserve(pictures.time_to_write(&request)?.min(left.unwrap_or_default() / 2));
             console.finish();
@@ -169,7 +169,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let Loaded { built, .. } = &loaded;
         let (scene, camera) = (&built.scene, &built.camera);
         let plan = request.settings.plan(scene);
-        // Without a limit, what is free decides before photons are traced.
+        // Without a limit, the pass itself checks the free memory before it traces photons.
         if let Some(limit) = args.scene.memory_limit {
             loaded.estimate.with_photons(&request.settings, &plan, scene).check(Some(limit))?;
         }
@@ -193,7 +193,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         for warning in &statistics.warnings {
             say!("warning: {warning}");
         }
-        // Those of the scene were told when it was built.
+        // The warnings of the scene were printed when it was built.
         statistics.warnings.splice(0..0, loaded.built.warnings.iter().map(ToString::to_string));
         if let Some(failure) = image_io::library_failure() {
             return Err(failure.into());
@@ -231,20 +231,20 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
     })
 }
 
-/// OpenImageIO on its way into memory while the scene is rendered.
+/// A thread that loads OpenImageIO while the scene is rendered.
 struct Loading(Option<JoinHandle<()>>);
 
 impl Loading {
     fn start() -> Self {
-        // Where there is no room for a thread, the first picture loads it.
+        // Without a thread, the first picture that is written loads the library.
         Self(thread::Builder::new().spawn(image_io::load_library).ok())
     }
 }
 
 impl Drop for Loading {
-    /// A program that ends while its libraries are still being set up would tear down what is half there.
+    /// Waits for the thread: a program that exits while its libraries initialize would destroy half-initialized state.
     fn drop(&mut self) {
-        // It panics no more than the loader does.
+        // A panic of the loader is ignored here.
         let _ = self.0.take().map(JoinHandle::join);
     }
 }
@@ -253,7 +253,7 @@ fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
     let asked = args.settings.over(&loaded.description.render);
     let mut settings = Settings::from(&asked);
     if args.time_limit.is_some() && asked.rounds.is_none() {
-        // As many as there is time for.
+        // As many as the time limit allows.
         settings.rounds = None;
     }
     let layers = if args.beauty_only { LayerSet::default() } else { LayerSet::all() };
@@ -267,7 +267,7 @@ fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
     }
 }
 
-/// What is gone on with, and where rounds are kept.
+/// Checkpoint to resume from, and checkpoint to write.
 fn rounds(args: &RenderArgs, loaded: &Loaded) -> Rounds {
     let version = env!("CARGO_PKG_VERSION").to_owned();
     Rounds {
@@ -282,10 +282,10 @@ fn rounds(args: &RenderArgs, loaded: &Loaded) -> Rounds {
     }
 }
 
-/// What this process took so far.
+/// Resources that this process has used so far.
 fn process(start: Instant) -> ProcessStatistics {
     let cpu = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    // Only Linux has such a file.
+    // Only Linux has this file.
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kilobytes = peak.and_then(|text| text.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
@@ -296,16 +296,16 @@ fn process(start: Instant) -> ProcessStatistics {
     }
 }
 
-/// How the PNG is developed, and who decided it. The EXR holds radiance whatever the exposure.
+/// Exposure and tone curve of the PNG, and where the exposure comes from. The EXR holds radiance, whatever the exposure.
 struct Exposure {
     tone: ToneMap,
-    /// Stops that every exposure that is given comes on top of.
+    /// Stops that are added to every given exposure.
     white: f64,
     from: &'static str,
 }
 
 impl Exposure {
-    /// That of the command line, or of the scene, or one by the picture itself.
+    /// The exposure of the command line, or that of the scene, or one chosen from the picture itself.
     fn choose(args: &RenderArgs, loaded: &Loaded, developed: &Developed) -> Self {
         let film = &loaded.built.film;
         let given = args.exposure.map(|stops| (stops, "command line"));
@@ -321,7 +321,7 @@ impl Exposure {
         Self { tone: ToneMap { exposure, curve }, white: film.white, from }
     }
 
-    /// Says what the exposure is where nobody asked for it, and what would help where it shows nothing.
+    /// Reports an exposure that was chosen automatically, and suggests a remedy where the picture shows nothing.
     fn tell(&self, args: &RenderArgs, developed: &Developed, has_light: bool) {
         let stops = self.tone.exposure - self.white;
         let seen = self.tone.rendition(developed.beauty());
@@ -364,7 +364,7 @@ impl Exposure {
     }
 }
 
-/// Where pictures go. Checked before anything is rendered: a wrong name should not cost an hour.
+/// Output files of the picture. They are checked before anything is rendered, because a wrong name should not cost an hour.
 struct Pictures {
     exr: Option<PathBuf>,
     png: PathBuf,
@@ -384,11 +384,11 @@ impl Pictures {
         }
     }
 
-    /// Every file can be written, and none would take the place of another, or of one that is read.
+    /// Checks that every file can be written and that none would overwrite another output or an input.
     fn check(&self, args: &RenderArgs) -> Result<Outputs> {
         let read = [Some(args.scene.scene.as_path()), args.photon_map.as_deref()];
         let mut outputs = Outputs::new(read.into_iter().flatten()).overwriting(args.overwrite);
-        // Rounds may be kept where they were kept before.
+        // The checkpoint may be the file that is resumed from.
         if let Some(checkpoint) = &args.checkpoint {
             outputs.add(checkpoint, "--checkpoint", Named::ByUser)?;
         }
@@ -407,9 +407,10 @@ impl Pictures {
         Ok(outputs)
     }
 
-    /// About how long writing will take: measured by a part of the picture, in noise, which takes longest. Nothing is left of it.
+    /// Estimated time of writing the picture. It is measured on a part of the picture filled with noise, the slowest content; the
+    /// file is deleted again.
     fn time_to_write(&self, request: &RenderRequest) -> Result<Duration> {
-        /// Rows that are written.
+        /// Rows of that part.
         const ROWS: u32 = 64;
         let window =
             request.crop.map_or((request.width, request.height), |crop| (crop.width(), crop.height()));
@@ -427,14 +428,14 @@ impl Pictures {
         Ok(time.mul_f64(f64::from(window.1) / f64::from(rows)))
     }
 
-    /// Says what was written.
+    /// Reports the files that were written.
     fn tell(&self) {
         for path in self.exr.iter().chain([&self.png]) {
             say!("wrote {}", path.display());
         }
     }
 
-    /// Writes all there is to write, also where some of it cannot be written.
+    /// Writes all outputs, even where one of them fails.
     fn write(
         &self,
         args: &RenderArgs,
@@ -483,7 +484,7 @@ impl Pictures {
     }
 }
 
-/// The layers as a file has them.
+/// The layers as they are written to a file.
 fn layers_of(developed: &Developed) -> Vec<Layer> {
     let layers = developed.layers.iter().map(|layer| {
         let name = if layer.name == "beauty" { "" } else { layer.name };
@@ -492,7 +493,7 @@ fn layers_of(developed: &Developed) -> Vec<Layer> {
     layers.collect()
 }
 
-/// Writes `--stats` and prints the table, where they are asked for.
+/// Writes `--stats` and prints the table, if they are asked for.
 fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
     let mut printed = String::new();
     if let Some(path) = &args.stats {
@@ -508,7 +509,7 @@ fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
     if printed.is_empty() { Ok(()) } else { super::print(&printed) }
 }
 
-/// What a picture needs to be made again.
+/// Metadata from which the picture can be reproduced.
 fn metadata(
     loaded: &Loaded,
     developed: &Developed,
@@ -551,16 +552,16 @@ fn metadata(
     Ok(metadata)
 }
 
-/// Name of the object or material of a number.
+/// Maps an id to the name of the object or material.
 type NameOf<'a> = &'a dyn Fn(usize) -> Option<&'a str>;
 
-/// Names by number, of the numbers that a layer of ids holds. It has -1 where nothing is seen.
+/// Names of the ids that occur in an id layer. The layer holds -1 where no surface is visible.
 fn names_in<'a>(ids: &[f32], name_of: NameOf<'a>) -> BTreeMap<usize, &'a str> {
     let seen: BTreeSet<usize> = ids.iter().filter(|id| **id >= 0.0).map(|id| *id as usize).collect();
     seen.into_iter().filter_map(|id| Some((id, name_of(id)?))).collect()
 }
 
-/// The architecture, and the instruction set of Embree's kernels: hits differ in the last bits between them.
+/// The architecture and the instruction set of Embree's kernels: hits differ in the last bits between instruction sets.
 fn instruction_set() -> String {
     let isa = match Isa::from_environment() {
         Ok(Isa::Best) | Err(_) => Isa::detected(),

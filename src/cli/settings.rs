@@ -1,4 +1,4 @@
-//! Options that choose how a picture is computed: one for each row of the table of settings. They go over those of the scene file.
+//! Options for the settings of a render: one for each row of the settings table. They override the settings of the scene file.
 
 use cardioid::settings::{
     Asked, Group, Kind, Named, Overrides, Parameter, Quality, SETTINGS, SHORTCUTS, Setting, Shortcut,
@@ -8,20 +8,20 @@ use clap::builder::{BoolValueParser, PossibleValue, PossibleValuesParser, TypedV
 use clap::error::ErrorKind;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, Error, FromArgMatches};
 
-/// The setting behind which the help lists the options that stand for several settings.
+/// The setting after which the help lists the options that stand for several settings.
 const BEFORE_SHORTCUTS: &str = "spp";
 
-/// Settings that were asked for on the command line.
+/// Settings from the command line.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SettingsArgs {
     asked: Overrides,
-    /// Photons in the global map, and in proportion in the caustic map.
+    /// Photons of the global map; the caustic map gets a proportional number.
     photons: Option<u64>,
     no_caustics: bool,
 }
 
 impl SettingsArgs {
-    /// What was asked for here, over what the scene file asks for.
+    /// The settings of the command line over those of the scene file.
     pub(crate) fn over(&self, scene: &Overrides) -> Overrides {
         let preset = self.asked.quality.or(scene.quality).unwrap_or(Quality::DEFAULT).settings();
         let caustic_by_ratio = self.photons.map(|photons| {
@@ -80,7 +80,7 @@ impl FromArgMatches for SettingsArgs {
     }
 }
 
-/// What was given for a setting, together with the number that belongs to one choice of it.
+/// The value given for a setting, with the number that belongs to one of its choices.
 fn value_of(setting: &Setting, matches: &ArgMatches) -> Result<Option<Asked>, Error> {
     let given = matches.get_one::<Asked>(setting.name).copied();
     let Kind::Choice { parameter: Some(parameter), .. } = setting.kind else { return Ok(given) };
@@ -98,7 +98,7 @@ fn value_of(setting: &Setting, matches: &ArgMatches) -> Result<Option<Asked>, Er
     }
 }
 
-/// The option of a setting, and that of the number that belongs to it.
+/// The option of a setting, and the option of the number that belongs to it.
 fn options(setting: &Setting) -> Vec<Arg> {
     let default = setting.defaults().words();
     let arg = described(setting.name, setting.help(), setting.details(), &default)
@@ -134,7 +134,7 @@ fn shortcut(shortcut: &Shortcut) -> Arg {
     }
 }
 
-/// An option with its help: one line for `-h`, all for `--help`.
+/// An option with its help: one line for `-h`, the whole text for `--help`.
 fn described(name: &'static str, help: String, details: Vec<String>, default: &str) -> Arg {
     let default = if default.is_empty() { String::new() } else { format!("[default: {default}]") };
     let line = help.trim_end_matches('.').to_owned();
@@ -163,7 +163,7 @@ fn parser(kind: Kind) -> ValueParser {
 
 /// A count from 1 to the largest `u32`.
 pub(crate) fn count_from_one(text: &str) -> Result<u32, String> {
-    // The bound is that of the type.
+    // The range is that of the type.
     count_within(text, 1, u64::from(u32::MAX)).map(|number| number as u32)
 }
 

@@ -1,4 +1,4 @@
-//! `cardioid tradeoff`: what settings cost and buy on one scene.
+//! `cardioid tradeoff`: cost and benefit of the settings for one scene.
 
 use super::compare::read_picture;
 use super::outputs::{Named, Outputs};
@@ -109,24 +109,24 @@ fn knob(text: &str) -> Result<String, String> {
     Err(format!("the knobs are {}", knobs.join(", ")))
 }
 
-/// What is written into the folder.
+/// Files that are written into the folder.
 const REPORTS: [&str; 4] = ["tradeoff.csv", "tradeoff.svg", "tradeoff.md", "report.html"];
 
-/// The picture of a reference that was given, in the folder of runs.
+/// Copy of a given reference as PNG, in the folder of runs.
 const REFERENCE_PNG: &str = "reference.png";
 
-/// Seeds of the halves of a reference; those of cells count from zero.
+/// Seeds of the two halves of a reference; the seeds of cells count from zero.
 const REFERENCE_SEEDS: [u64; 2] = [1_000_001, 1_000_002];
 
-/// Where a run, which is a process, has its files.
+/// Files of a run. Each run is a process.
 struct Files {
     exr: PathBuf,
     png: PathBuf,
-    /// Written last, so that a run that has it is whole.
+    /// Written last, so its presence means that the run is complete.
     stats: PathBuf,
 }
 
-/// What a run says of itself.
+/// Results that a run reports.
 struct Run {
     wall: f64,
     cpu: f64,
@@ -152,7 +152,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<ExitCode> {
         PathBuf::from(name)
     });
     let runs = folder.join("runs");
-    // A folder of reports has one of runs.
+    // A folder of reports contains a folder of runs.
     let is_foreign = args.output.is_none() && !args.overwrite && folder.exists() && !runs.is_dir();
     if is_foreign {
         bail!(
@@ -252,7 +252,7 @@ fn markdown(sweep: &Sweep) -> String {
     )
 }
 
-/// The reference.
+/// The reference in two halves.
 struct Halves {
     size: (u32, u32),
     values: [Vec<f32>; 2],
@@ -270,7 +270,7 @@ impl Halves {
 type Outcomes = (Vec<Outcome>, Vec<Shown>, Vec<(String, String)>);
 
 impl Sweeper<'_> {
-    /// Runs all cells, or those that there is time for.
+    /// Runs all cells, or as many as the time allows.
     fn all(&self, cells: &[Cell], halves: &Halves, console: &Console) -> Result<Outcomes> {
         let seeds = self.args.seeds;
         console.begin("rendering", cells.len() as u64 * seeds);
@@ -317,7 +317,7 @@ impl Sweeper<'_> {
         Ok((outcomes, shown, missing))
     }
 
-    /// The two halves, read or rendered, and where they come from; `None` where it was stopped.
+    /// The two halves, read or rendered, and their origin; `None` where the user stopped it.
     fn reference(&self, console: &Console) -> Result<Option<(Halves, String)>> {
         let size = self.loaded.size;
         if let (Some(first), Some(second)) = (&self.args.reference, &self.args.second_half) {
@@ -384,7 +384,7 @@ impl Sweeper<'_> {
         Ok(())
     }
 
-    /// Named by all that a run depends on.
+    /// File names of a run: a hash of everything that the run depends on.
     fn files(&self, options: &[String], seed: u64) -> Files {
         let Loaded { size, hash, .. } = self.loaded;
         let key = serde_json::json!([
@@ -400,7 +400,7 @@ impl Sweeper<'_> {
         Files { exr: file("exr"), png: file("png"), stats: file("json") }
     }
 
-    /// Renders in a process of its own, so that its memory and time are its own as well. `None` where it was stopped.
+    /// Renders in a separate process, so that its memory and time can be measured separately. `None` where the user stopped it.
     fn render(&self, options: &[String], seed: u64, files: &Files) -> Result<Option<Run>> {
         if interrupted().is_some() {
             return Ok(None);
@@ -416,20 +416,21 @@ impl Sweeper<'_> {
             command.args(["--up", up]);
         }
         command.args(["--resolution", &format!("{width}x{height}"), "--threads", &threads.to_string()]);
-        // The picture depends on neither.
+        // The picture depends on neither limit.
         command.args(["--texture-memory", &format!("{texture_memory}B")]);
         if let Some(limit) = memory_limit {
             command.args(["--memory-limit", &format!("{limit}B")]);
         }
         command.args(["--seed", &seed.to_string(), "--beauty-only", "--quiet"]);
         command.arg("--output").arg(&files.exr).arg("--stats").arg(&files.stats);
-        // What an earlier run left under these names is ours, whatever it looks like; a reference that was given is not.
+        // Files of an earlier run under these names may be replaced, whatever their content; a reference that the user gave may
+        // not.
         let given = [&self.args.reference, &self.args.second_half];
         let mut outputs = Outputs::new(given.into_iter().flatten().map(PathBuf::as_path));
         for file in [&files.exr, &files.png, &files.stats] {
             outputs.add(file, "a run", Named::ByUser)?;
         }
-        // It ends when this process does, however that ends.
+        // It ends when this process ends, for whatever reason.
         command.args(["--overwrite", "--end-with-input"]);
         let log = files.stats.with_extension("log");
         let said = fs::File::create(&log).with_context(|| format!("cannot write {}", log.display()))?;
@@ -437,7 +438,7 @@ impl Sweeper<'_> {
         let mut child = command.spawn().context("cannot start a render")?;
         let status = loop {
             if interrupted().is_some() {
-                // It may have got the signal as well, and be gone.
+                // It may have received the signal as well and have ended.
                 let _ = child.kill();
                 child.wait().context("cannot wait for a render")?;
                 let _ = fs::remove_file(&files.stats);
@@ -483,9 +484,9 @@ fn file(path: &Path) -> Result<Vec<u8>> {
     fs::read(path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-/// Seconds that one picture of a cell will take at most, from the point where it starts.
+/// Upper bound on the seconds for one picture of a cell, from the point where it starts.
 fn expected_seconds(cell: &Cell, outcomes: &[Outcome]) -> f64 {
-    /// By how much each preset takes longer than the one before, at most.
+    /// Largest ratio of the times of a preset and the preset before it.
     const LONGER: f64 = 6.0;
     let rank = |quality: Quality| {
         [Quality::Draft, Quality::Preview, Quality::Final]

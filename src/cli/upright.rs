@@ -1,22 +1,22 @@
-//! A word to who renders a mesh that looks as if it lay on its back, as files with z up do in a world with y up.
+//! A note for meshes that look as if they lay on their backs, as files with z up do in a world with y up.
 
 use cardioid::scene::{Geometry, Scene};
 use glam::Vec3;
 
-/// How much deeper than high and wide a mesh is that may lie on its back.
+/// Smallest ratio of depth to height and width for a mesh that may lie on its back.
 const DEEP: f32 = 1.5;
 
-/// What faces straight to the lowest z within this share of the depth could be what a mesh stands on.
+/// Faces along z within this fraction of the depth from the lowest z can be the base of the mesh.
 const BASE_DEPTH: f32 = 0.02;
 
-/// Cosine beyond which a face is level.
+/// Smallest cosine of the angle between the normal of a level face and z.
 const LEVEL: f32 = 0.95;
 
-/// The least of the outline, as seen along z, that level faces at the lowest z cover where a mesh could stand on them. What only
-/// ends there, as a fish does, has none.
+/// Smallest share of the outline, as seen along z, that level faces at the lowest z must cover to be a base. A shape that merely
+/// ends there, like a fish, has no base.
 const BASE_SHARE: f32 = 0.1;
 
-/// A note where a mesh is much deeper than high and wide, and has something to stand on at its lowest z. Nothing is turned by it.
+/// A note for a mesh that is much deeper than high and wide and has a base at its lowest z. The mesh itself is not rotated.
 pub(crate) fn note_of_axis(scene: &Scene) -> Option<&'static str> {
     let buffers = || {
         scene.surfaces().iter().filter_map(|surface| match &surface.geometry {
@@ -43,7 +43,7 @@ pub(crate) fn note_of_axis(scene: &Scene) -> Option<&'static str> {
     )
 }
 
-/// The area of a triangle that is level and lies below `highest`, along z; else zero.
+/// Area of a level triangle below `highest`, projected along z; zero for other triangles.
 fn area_of_base([a, b, c]: [Vec3; 3], highest: f32) -> f32 {
     let twice = (b - a).cross(c - a);
     let is_base = a.z.max(b.z).max(c.z) <= highest && twice.z.abs() > LEVEL * twice.length();

@@ -42,7 +42,7 @@ fn seeds(text: &str) -> Result<u64, String> {
     }
 }
 
-/// Fails where a row does not hold.
+/// Runs the checks; the exit code is a failure where a row does not hold.
 pub(super) fn run(args: &ValidateArgs) -> Result<ExitCode> {
     catch_interrupts();
     let mut outputs = Outputs::new([]);

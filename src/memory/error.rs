@@ -1,14 +1,14 @@
-//! What is refused for the memory that it would take, and what to ask for instead.
+//! Errors for renders that would need too much memory, with what to ask for instead.
 
 use super::estimate::{MemoryEstimate, megabytes};
 
-/// A tree counts its points in 32 bits; with room for the 10 % by which photons may exceed what was asked for.
+/// A tree counts its points in 32 bits. This leaves room for the 10 % by which the number of photons may exceed the request.
 pub(crate) const MOST_PHOTONS: u64 = 3_900_000_000;
 
-/// Photon maps that cannot be held.
+/// Why a render is refused for its memory.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum MemoryError {
-    /// In no map.
+    /// More photons than one map can index.
     #[error(
         "{asked} photons in the {map} map are more than a map holds; ask for at most {MOST_PHOTONS} with \
          --{map}-photons"
@@ -16,10 +16,10 @@ pub enum MemoryError {
     Count {
         /// "global" or "caustic".
         map: &'static str,
-        /// As asked for.
+        /// Number of photons asked for.
         asked: u64,
     },
-    /// In this machine.
+    /// Photon maps that do not fit into the memory of this machine.
     #[error(
         "{global} global and {caustic} caustic photons take {:.1} GB while their maps are built, and {:.1} GB are \
          available; ask for fewer with --global-photons and --caustic-photons, or for as many as fit into some memory, \
@@ -31,12 +31,12 @@ pub enum MemoryError {
         global: u64,
         /// Caustic photons asked for.
         caustic: u64,
-        /// Bytes that they take at the worst moment.
+        /// Bytes that the photon maps take at the peak.
         needed: u64,
         /// Bytes that are free.
         available: u64,
     },
-    /// With everything else.
+    /// A scene that, all parts together, exceeds the limit or the free memory.
     #[error(
         "{} takes {} {}: {}; and {} {}; {}",
         match estimate.triangles {
@@ -55,11 +55,11 @@ pub enum MemoryError {
         },
     )]
     Scene {
-        /// What takes how much.
+        /// The estimate, part by part.
         estimate: MemoryEstimate,
-        /// Bytes that it may take.
+        /// Bytes that are allowed.
         most: u64,
-        /// Whether somebody set them, or the machine has no more.
+        /// Whether `most` is a limit that the user set; otherwise it is the free memory of the machine.
         is_limit: bool,
     },
 }

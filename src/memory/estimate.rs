@@ -1,37 +1,37 @@
-//! What takes how much memory at which moment, and whether that is allowed.
+//! Memory estimate of a render, part by part and phase by phase, and its check against the limit.
 
 use super::error::MemoryError;
 use super::system::free_memory;
 use serde::Serialize;
 
-/// Bytes of Embree's hierarchy for each triangle: 67 on meshes of a million and more, and room.
+/// Bytes of Embree's hierarchy for each triangle: 67 were measured on meshes of a million triangles and more; the rest is margin.
 const HIERARCHY: u64 = 72;
 
-/// Bytes for each triangle while it is built, beside the finished hierarchy.
+/// Bytes for each triangle while the hierarchy is built, in addition to the finished hierarchy.
 const BUILDING: u64 = 40;
 
-/// Bytes of film for each pixel: sums of all layers, and twice their values while they are written.
+/// Bytes of film for each pixel: the sums of all layers, and twice their values while they are written.
 pub(crate) const FILM: u64 = 450;
 
-/// Bytes of the program and what its libraries hold. The pages of the libraries themselves, 90 MB, are those of their files, which
-/// the system takes back where it has nothing else.
+/// Bytes of the program and of the data that its libraries hold. The pages of the libraries themselves, 90 MB, are backed by
+/// their files, so the system reclaims them when it needs the memory.
 const PROGRAM: u64 = 60_000_000;
 
-/// Bytes of a light or of a shape that emits: its description, itself, and its places in the tables that lights are chosen by. Of
-/// ten and thirty thousand of each kind 2.1 to 4.2 kB were measured.
+/// Bytes of a light or an emitting shape: its description, the object itself, and its entries in the tables for light sampling.
+/// Measured with ten and thirty thousand of each kind: 2.1 to 4.2 kB.
 pub(crate) const LIGHT: u64 = 4200;
 
-/// Bytes of an instance: its description and itself. Of as many 1.0 to 1.3 kB were measured.
+/// Bytes of an instance: its description and the object itself. Measured with as many: 1.0 to 1.3 kB.
 pub(crate) const INSTANCE: u64 = 1300;
 
-/// Bytes by what takes them.
+/// Estimated bytes by use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct MemoryEstimate {
     /// Triangles of all mesh files.
     pub triangles: u64,
-    /// Meshes of files, as Embree and the renderer read them.
+    /// Meshes from files, as shared by Embree and the renderer.
     pub meshes: u64,
-    /// What reading takes beside that, the files in turn.
+    /// Additional memory while files are read one after the other.
     pub reading: u64,
     /// Lights and instances.
     pub lights: u64,
@@ -39,31 +39,31 @@ pub struct MemoryEstimate {
     pub textures: u64,
     /// Embree's hierarchy.
     pub hierarchy: u64,
-    /// What building takes beside that.
+    /// Additional memory while the hierarchy is built.
     pub building: u64,
     /// Photon maps and precomputed irradiance.
     pub photons: u64,
-    /// What tracing photons and building their trees takes beside that.
+    /// Additional memory while photons are traced and their trees are built.
     pub tracing: u64,
-    /// Tables by which photons are aimed, while they are traced.
+    /// Tables that aim photons, in memory only while photons are traced.
     pub aiming: u64,
     /// The picture.
     pub film: u64,
 }
 
 impl MemoryEstimate {
-    /// What is built over so many triangles.
+    /// The estimate for the hierarchy over `triangles` triangles.
     pub(crate) fn of_triangles(triangles: u64) -> Self {
         let (hierarchy, building) = (triangles.saturating_mul(HIERARCHY), triangles.saturating_mul(BUILDING));
         Self { triangles, hierarchy, building, ..Self::default() }
     }
 
-    /// Bytes at the worst moment.
+    /// Bytes at the peak.
     pub fn peak(&self) -> u64 {
         self.worst().1.iter().map(|&(_, bytes)| bytes).fold(0, u64::saturating_add)
     }
 
-    /// The worst moment in words, and what takes how much then.
+    /// Name of the phase with the highest use, and its parts.
     pub(super) fn worst(&self) -> (&'static str, Vec<(&'static str, u64)>) {
         let always = [
             ("the program", PROGRAM),
@@ -95,15 +95,15 @@ impl MemoryEstimate {
         (worst.0, always.into_iter().chain(worst.1).collect())
     }
 
-    /// The parts of the worst moment, in words.
+    /// The parts of that phase as text for a message.
     pub(super) fn parts(&self) -> String {
         let (_, parts) = self.worst();
-        // Less than half a megabyte would be told as none.
+        // Parts below half a megabyte would print as 0 MB.
         let parts = parts.iter().filter(|(_, bytes)| *bytes >= 500_000);
         parts.map(|(what, bytes)| format!("{what} {}", megabytes(*bytes))).collect::<Vec<_>>().join(", ")
     }
 
-    /// Refuses what is beyond `limit`, or where there is none, beyond what the machine has free.
+    /// Refuses an estimate above `limit` or, without a limit, above the free memory of the machine.
     ///
     /// # Errors
     /// The estimate, part by part, and what to do.
@@ -121,7 +121,7 @@ impl MemoryEstimate {
     }
 }
 
-/// A number of bytes as messages say it.
+/// A number of bytes as text for messages.
 pub(crate) fn megabytes(bytes: u64) -> String {
     match bytes {
         0..10_000_000_000 => format!("{:.0} MB", bytes as f64 / 1e6),

@@ -1,7 +1,7 @@
-//! Memory: what a render is foreseen to take, what the machine has, and what is refused. Who knows a part of it fills that part in:
-//! `scene_file` meshes, lights and textures, `render` photon maps.
+//! Memory: the estimate for a render, the memory of the machine, and the refusal of renders that do not fit. Each room fills in
+//! its own part of the estimate: `scene_file` meshes, lights and textures, `render` photon maps.
 //!
-//! This room uses no other.
+//! This room depends on no other.
 
 mod error;
 mod estimate;

@@ -1,18 +1,18 @@
-//! What the machine and this process have of memory.
+//! Memory of the machine and of this process.
 
 use serde::Serialize;
 
-/// Bytes of the process.
+/// Memory of the process, in bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Resident {
-    /// In memory at that moment.
+    /// Resident at that moment.
     pub resident: u64,
-    /// At most up to that moment.
+    /// Peak up to that moment.
     pub peak: u64,
 }
 
-/// Bytes that the system would give without swapping: what Linux calls available, or less where the process is in a
-/// control group with a limit. `None` where the system does not tell.
+/// Bytes that the system can give without swapping: what Linux calls available, or less where the process is in a control group
+/// with a limit. `None` where the system does not report it.
 pub(crate) fn available_memory() -> Option<u64> {
     let read = |path: &str| std::fs::read_to_string(path).ok();
     let system = read("/proc/meminfo").and_then(|text| kilobytes(&text, "MemAvailable:"))?;
@@ -23,7 +23,7 @@ pub(crate) fn available_memory() -> Option<u64> {
     Some(group.map_or(system, |group| group.min(system)))
 }
 
-/// Bytes of this process in memory: now, and at most so far. `None` where the system does not tell.
+/// Resident memory of this process: now and at its peak. `None` where the system does not report it.
 pub(crate) fn resident_memory() -> Option<Resident> {
     let text = std::fs::read_to_string("/proc/self/status").ok()?;
     Some(Resident { resident: kilobytes(&text, "VmRSS:")?, peak: kilobytes(&text, "VmHWM:")? })
@@ -35,12 +35,12 @@ fn kilobytes(text: &str, key: &str) -> Option<u64> {
     line.split_whitespace().next()?.parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// Bytes that may be taken: as somebody set it, or what the machine has free. `None` where the system does not tell.
+/// Bytes that may be used: the limit of the user, or the free memory of the machine. `None` where the system does not report it.
 pub fn allowed_memory(limit: Option<u64>) -> Option<u64> {
     limit.or_else(free_memory)
 }
 
-/// What the machine has free, and what this process has of it already: estimates count from nothing.
+/// Free memory of the machine plus the memory that this process already has, because estimates count from zero.
 pub(super) fn free_memory() -> Option<u64> {
     let own = resident_memory().map_or(0, |memory| memory.resident);
     available_memory().map(|free| free.saturating_add(own))
@@ -52,7 +52,7 @@ mod tests {
 
     #[test]
     fn this_process_is_in_memory() {
-        // Not optimised away.
+        // Must not be optimised away.
         let held = std::hint::black_box(vec![1u8; 50_000_000]);
         let Some(found) = resident_memory() else {
             println!("skipped: the system does not tell");

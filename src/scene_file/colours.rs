@@ -1,15 +1,15 @@
-//! Colours of vertices and faces, as programs write them, to reflectances.
+//! Converts colours of vertices and faces in mesh files to reflectances.
 //!
-//! They are shown on screens as they are, so that all are sRGB, whatever the type of their numbers: MeshLab, CloudCompare and
-//! Blender write them so by default.
+//! Programs show these colours on screens without conversion, so they are read as sRGB, whatever their number type. MeshLab,
+//! CloudCompare and Blender write sRGB by default.
 
 use super::mesh::MeshReport;
 use crate::textures::srgb_to_linear;
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// Linear reflectances of colours in sRGB that go up to `most`. Where some are above that, the file meant 255, or 65535. Colours that are
-/// no numbers are white; of some beside others it is reported.
+/// Linear reflectances of sRGB colours with a maximum of `most`. Where some values exceed it, the file meant 255 or 65535.
+/// Colours that are not numbers become white; the report counts them where other vertices have colours.
 pub(super) fn reflectances(colours: Vec<[f32; 3]>, most: f32, report: &mut MeshReport) -> Vec<Vec3> {
     let largest = colours.par_iter().flat_map_iter(|colour| *colour).filter(|x| x.is_finite());
     let largest = largest.reduce(|| 0.0, f32::max);

@@ -1,5 +1,5 @@
-//! What a scene file says, before anything is built of it: plain data in `f64`, metres and watts, each part with
-//! the place in the file it came from.
+//! Contents of a scene file before anything is built from it: plain data in `f64`, metres and watts. Each part keeps its place in
+//! the file.
 
 use super::generate::Generator;
 use super::mesh::TriangleMesh;
@@ -37,23 +37,23 @@ impl fmt::Display for Location {
     }
 }
 
-/// Something with a name and a place.
+/// An item with a name and a place in the file.
 #[derive(Clone, Debug)]
 pub struct Named<T> {
     /// Name as the file gives it.
     pub name: String,
     /// Where it is defined.
     pub location: Location,
-    /// The thing.
+    /// The item itself.
     pub value: T,
 }
 
-/// Something in a scene file that is legal but probably not meant.
+/// A warning: something in a scene file that is legal but probably unintended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SceneWarning {
     /// Where.
     pub location: Location,
-    /// What, and what to do about it.
+    /// What is odd, and what to do about it.
     pub message: String,
 }
 
@@ -74,7 +74,7 @@ pub struct SceneDescription {
     pub camera: Option<CameraDescription>,
     /// Picture size, filter and exposure.
     pub film: FilmDescription,
-    /// Settings that the scene asks for; the command line goes over them.
+    /// Settings that the scene file asks for; the command line overrides them.
     pub render: Overrides,
     /// Media by name; `air` (index of refraction 1, no absorption) always exists and comes first.
     pub media: Vec<Named<MediumDescription>>,
@@ -82,29 +82,29 @@ pub struct SceneDescription {
     pub textures: Vec<Named<SolidTexture>>,
     /// Materials by name.
     pub materials: Vec<Named<MaterialDescription>>,
-    /// Textures of each material; may be shorter than `materials`.
+    /// Textures of each material, in the order of `materials`; the list may be shorter than that one.
     pub looks: Vec<MaterialLook>,
-    /// Shapes, some of which emit, some of which belong to groups.
+    /// Shapes. Some emit light, and some belong to groups.
     pub shapes: Vec<Named<ShapeDescription>>,
-    /// Groups that instances place; a group by itself is not in the picture.
+    /// Groups that instances place; a group without an instance is not in the picture.
     pub groups: Vec<Named<()>>,
     /// Placements of groups.
     pub instances: Vec<Named<InstanceDescription>>,
     /// Lights without a surface.
     pub lights: Vec<Named<LightDescription>>,
-    /// By light: photons in proportion to other lights of the same flux.
+    /// For each light: the factor on its share of the photons, relative to other lights of the same flux.
     pub light_photons: Vec<f64>,
-    /// What the reader noticed that is legal but probably not meant.
+    /// Warnings of the reader about what is legal but probably unintended.
     pub warnings: Vec<SceneWarning>,
-    /// What was guessed where the file says nothing, and how to have it otherwise.
+    /// Values that were guessed because the file does not give them, and how to choose others.
     pub notes: Vec<SceneWarning>,
-    /// Files beside the first one that were read for this description: they count for its hash.
+    /// Further files that were read for this description; the scene's hash covers them.
     pub further_files: Vec<PathBuf>,
-    /// Values that the file was read with and that are in nothing else here: they count for its hash.
+    /// Parameter values that the file was read with and that appear nowhere else here; the scene's hash covers them.
     pub parameters: Vec<(String, String)>,
 }
 
-/// Which side of the picture a field of view spans.
+/// Side of the picture that a field of view spans.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FovAxis {
     /// From the lower to the upper edge.
@@ -120,17 +120,17 @@ pub struct CameraDescription {
     pub location: Location,
     /// Position, metres.
     pub eye: DVec3,
-    /// Point in the middle of the picture, metres.
+    /// Point at the centre of the picture, metres.
     pub at: DVec3,
     /// A direction that points up in the picture.
     pub up: DVec3,
     /// Full field of view along `fov_axis`, degrees, in `(0, 180)`.
     pub fov: f64,
-    /// What `fov` spans. Kept as the file says it, since the command line may change the shape of the picture.
+    /// Side that `fov` spans. It is kept as the file gives it, because the command line may change the aspect ratio.
     pub fov_axis: FovAxis,
     /// The lens; none for a pinhole.
     pub lens: Option<LensDescription>,
-    /// Whether left and right of the picture are exchanged.
+    /// Whether the picture is mirrored left to right.
     pub mirrored: bool,
 }
 
@@ -147,7 +147,7 @@ impl CameraDescription {
     }
 }
 
-/// Which reconstruction filter weighs samples around a pixel's centre. Radii in pixels.
+/// Reconstruction filter that weights the samples around a pixel's centre. Radii are in pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FilterDescription {
     /// Constant over the square of half width `radius` (0.5: the pixel itself).
@@ -174,7 +174,7 @@ pub enum FilterDescription {
     },
 }
 
-/// Picture size and development.
+/// Picture size, filter and exposure.
 #[derive(Clone, Debug)]
 pub struct FilmDescription {
     /// Pixels across.
@@ -183,28 +183,30 @@ pub struct FilmDescription {
     pub height: u32,
     /// Reconstruction filter.
     pub filter: FilterDescription,
-    /// Exposure in stops for the PNG: radiance is multiplied by `2^exposure`; `None` where the picture itself decides.
+    /// Exposure of the PNG in stops: radiance is multiplied by `2^exposure`. `None`: chosen from the picture itself.
     pub exposure: Option<f64>,
-    /// Stops that are added to every exposure that is given, whoever gives it: what the scene takes for white.
+    /// Stops added to every exposure that is given, in the scene file or on the command line: the level that the scene takes for
+    /// white.
     pub white: f64,
     /// The part of the picture that is rendered; `None` for all of it.
     pub crop: Option<PixelRect>,
 }
 
-/// What fills a body.
+/// The medium that fills a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MediumDescription {
     /// Index of refraction, at least 1.
     pub ior: f64,
     /// Absorption coefficient per channel, 1/m.
     pub absorption: DVec3,
-    /// What scatters, absorbs and emits light in it; the absorption above is then zero.
+    /// Volume that scatters, absorbs and emits light; `absorption` above is then zero.
     pub volume: Option<VolumeDescription>,
-    /// Where bodies overlap, the medium of the highest priority fills the place; of equals that of the smallest body.
+    /// Priority where bodies overlap: the medium of the highest priority fills the place, and among equal priorities that of the
+    /// smallest body.
     pub priority: i32,
 }
 
-/// What scatters light within a medium.
+/// Coefficients and phase function of a participating medium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VolumeDescription {
     /// Coefficients, per metre.
@@ -239,12 +241,12 @@ pub enum MaterialDescription {
         /// The alpha of GGX, in `[0, 1]`; zero for a smooth interface.
         roughness: f64,
     },
-    /// A material of glTF.
+    /// A layered material of glTF.
     Layered {
         /// Factors and textures.
         material: Arc<LayeredMaterial>,
-        /// Indices into [`SceneDescription::media`] on the side away from the normal and on the side of the normal, where the
-        /// material is the border between them.
+        /// Indices into [`SceneDescription::media`]: the side away from the normal, then the side of the normal. Set where the
+        /// material is the interface between two media.
         media: Option<[usize; 2]>,
     },
     /// Schlick's or Ward's model, or a metal.
@@ -253,7 +255,7 @@ pub enum MaterialDescription {
         bsdf: Bsdf,
         /// As for Lambert.
         two_sided: bool,
-        /// How an anisotropic model lies in the surface.
+        /// Orientation of an anisotropic model in the surface.
         tangent: Option<Tangent>,
     },
 }
@@ -261,9 +263,9 @@ pub enum MaterialDescription {
 /// Textures of a material: indices into [`SceneDescription::textures`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MaterialLook {
-    /// Factor on the reflectance.
+    /// Texture that multiplies the reflectance.
     pub colour: Option<usize>,
-    /// What tilts the shading normal, and its height in metres.
+    /// Bump map: the texture that tilts the shading normal, and its height in metres.
     pub bump: Option<(usize, f64)>,
 }
 
@@ -274,66 +276,66 @@ pub struct EmissionDescription {
     pub radiance: DVec3,
     /// Whether both sides emit; otherwise only the side of the normal.
     pub two_sided: bool,
-    /// Photons in proportion to other lights of the same flux.
+    /// Factor on the light's share of the photons, relative to other lights of the same flux.
     pub photons: f64,
 }
 
 /// An illumination map over a shape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IlluminationDescription {
-    /// How photons are spread over its elements.
+    /// How photons are distributed over its elements.
     pub kernel: IlluminationKernel,
-    /// Elements over the whole shape; `None` to go by the light that it receives.
+    /// Elements over the whole shape; `None`: chosen by the light that the shape receives.
     pub elements: Option<u32>,
-    /// Elements of caustic maps along each side of one of these; `None` to go by what the camera sees.
+    /// Elements of a caustic map along each side of one of these elements; `None`: chosen by what the camera sees.
     pub refinement: Option<u32>,
 }
 
-/// A shape and what it is made of.
+/// A shape with its material, emission and placement.
 #[derive(Clone, Debug)]
 pub struct ShapeDescription {
     /// Geometry in the shape's own space.
     pub geometry: GeometryDescription,
-    /// From the shape's space to the world, or to the group's space (metres either way: the file's unit is part
-    /// of it). A mirrored placement (negative determinant) does not swap sides: the normal is that of the shape's own
-    /// space, carried along.
+    /// Transform from the shape's space to the world, or to the group's space. Both are in metres: the file's unit is part of the
+    /// transform. A mirrored placement (negative determinant) does not swap sides: the normal is that of the shape's own space,
+    /// transformed with the shape.
     pub transform: DAffine3,
-    /// Turns the normal around: the side it points to swaps.
+    /// Reverses the normal, which swaps the shape's sides.
     pub flip_normal: bool,
     /// Index into [`SceneDescription::materials`].
     pub material: usize,
-    /// Caustic photons in the directions of this shape, in proportion to other shapes of the same material.
+    /// Factor on the share of caustic photons aimed at this shape, relative to other shapes of the same material.
     pub caustic_photons: f64,
-    /// Whether photons are summed up in an illumination map.
+    /// Illumination map in which photons are summed up, if any.
     pub illumination: Option<IlluminationDescription>,
     /// Emission, if any.
     pub emission: Option<EmissionDescription>,
-    /// Index into [`SceneDescription::groups`], or `None` for a shape that is in the picture as it is.
+    /// Index into [`SceneDescription::groups`]; `None` for a shape that stands in the picture by itself.
     pub group: Option<usize>,
 }
 
 /// Shading normals of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshNormals {
-    /// Those of the file where it has them, flat otherwise.
+    /// Normals of the file; flat where it has none.
     FromFile,
     /// Always flat.
     Flat,
-    /// Computed: angle-weighted mean of the faces around a vertex.
+    /// Computed: the angle-weighted mean of the faces around a vertex.
     Smooth,
-    /// Those of the file, which say which side of a triangle is its front, whatever the order of its corners; computed where the file
+    /// Normals of the file, which also decide the front of a triangle, whatever the order of its corners; computed where the file
     /// has none.
     Leading,
 }
 
 impl MeshNormals {
-    /// Whether those of the file are looked at.
+    /// Whether the normals of the file are read.
     pub(super) fn are_read(self) -> bool {
         matches!(self, Self::FromFile | Self::Leading)
     }
 }
 
-/// Geometry in the shape's own space (metres once the transform, which includes the file's unit, is applied).
+/// Geometry in the shape's own space. Lengths are metres after the transform, which includes the file's unit.
 #[derive(Clone, Debug)]
 pub enum GeometryDescription {
     /// Triangles from a PLY, OBJ or STL file, read when the scene is built.
@@ -342,12 +344,12 @@ pub enum GeometryDescription {
         path: PathBuf,
         /// Shading normals.
         normals: MeshNormals,
-        /// Whether faces have the materials of the file (an OBJ's MTL), where it has them.
+        /// Whether faces take their materials from the file (an OBJ's MTL), where it has them.
         own_materials: bool,
-        /// Placement of a mesh whose size is not known beforehand; comes before the shape's transform.
+        /// Placement of a mesh whose size is not known beforehand; applied before the shape's transform.
         fit: Option<FitDescription>,
     },
-    /// Triangles given in the scene file.
+    /// Triangles listed in the scene file.
     Mesh {
         /// Positions.
         positions: Vec<DVec3>,
@@ -356,20 +358,20 @@ pub enum GeometryDescription {
         /// Shading normals.
         normals: MeshNormals,
     },
-    /// Triangles that were read already.
+    /// A mesh that is already in memory.
     Loaded {
         /// The mesh.
         mesh: Arc<TriangleMesh>,
         /// Shading normals.
         normals: MeshNormals,
-        /// What a fit made of it; comes before the shape's transform.
+        /// Transform computed from a fit; applied before the shape's transform.
         before: DAffine3,
     },
     /// Triangles of a glTF file.
     Gltf {
         /// The mesh.
         mesh: Arc<TriangleMesh>,
-        /// What textures need at its vertices.
+        /// Vertex attributes that textures need.
         data: Arc<VertexData>,
     },
     /// Triangles made when the scene is built.
@@ -408,11 +410,11 @@ pub enum GeometryDescription {
         /// Radius.
         radius: f64,
     },
-    /// Closed bodies combined, or one alone.
+    /// One closed body, or several combined by constructive solid geometry.
     Csg {
         /// The object.
         object: Csg,
-        /// Material of each of its parts, where it differs from that of the shape.
+        /// Material of each part, where it differs from that of the shape.
         materials: Vec<Option<usize>>,
     },
     /// A sphere flake.
@@ -434,9 +436,9 @@ pub enum GeometryDescription {
         size: DVec3,
         /// Cells along each side.
         cells: u32,
-        /// What makes the heights.
+        /// Noise that defines the heights.
         noise: TerrainNoise,
-        /// Two triangles for each cell, smoothly shaded, instead of the bilinear surface itself.
+        /// Whether each cell becomes two smoothly shaded triangles instead of a bilinear patch.
         triangles: bool,
     },
 }
@@ -444,13 +446,13 @@ pub enum GeometryDescription {
 /// The axis of a mesh's own space that points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UpAxis {
-    /// As everywhere in this renderer.
+    /// The convention of this renderer.
     Y,
-    /// As in many modelling and all survey programs.
+    /// The convention of many modelling programs and of all survey programs.
     Z,
 }
 
-/// The point of a mesh's bounding box that a fit puts in place.
+/// The point of a mesh's bounding box that a fit moves to its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FitAnchor {
     /// The middle of the box.
@@ -459,35 +461,35 @@ pub enum FitAnchor {
     Bottom,
 }
 
-/// What a fit moves.
+/// What a fit moves: the shape or the rest of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FitMoves {
-    /// The shape, to where the fit says.
+    /// The shape moves to its target.
     Shape,
-    /// Everything else, camera and lights too, the other way: the shape keeps the lengths and the place of its file.
+    /// Everything else moves the opposite way, camera and lights included: the shape keeps the lengths and the place of its file.
     Scene {
-        /// Whether the shape is a room: shown from within, without the other shapes and lights.
+        /// Whether the shape is a room. A room is shown from within, without the other shapes and lights.
         room: Choice,
     },
 }
 
-/// Turns, moves and scales a mesh, the same in all axes, by its bounding box.
+/// Rotates, moves and scales a mesh by its bounding box, with one scale for all axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FitDescription {
     /// Longest side of the bounding box afterwards, in the shape's space.
     pub size: f64,
-    /// Which point goes to `at`.
+    /// The point that moves to `at`.
     pub anchor: FitAnchor,
-    /// Where it goes, in the shape's space.
+    /// Target of the anchor, in the shape's space.
     pub at: DVec3,
-    /// Up in the mesh's file; turned to y.
+    /// Up axis of the mesh's file; it is rotated to y.
     pub up: UpAxis,
-    /// What is moved.
+    /// Whether the shape or the rest of the scene moves.
     pub moves: FitMoves,
 }
 
 impl FitDescription {
-    /// What the mesh itself goes through: [`Self::transform`], or nothing where that moves the scene.
+    /// Transform of the mesh itself: [`Self::transform`], or the identity where the fit moves the scene instead.
     pub(super) fn of_shape(&self, bounds: &Bounds3) -> Option<DAffine3> {
         match self.moves {
             FitMoves::Shape => self.transform(bounds),
@@ -495,13 +497,12 @@ impl FitDescription {
         }
     }
 
-    /// The map from the mesh's own space to the shape's space, for a mesh with these bounds (of the vertices that
-    /// triangles use). `None` where the bounds have no extent that could be scaled: empty, a single point or
-    /// not finite.
+    /// Transform from the mesh's own space to the shape's space, for a mesh with these bounds (of the vertices that triangles
+    /// use). `None` where the bounds have no extent to scale: they are empty, a single point or not finite.
     pub fn transform(&self, bounds: &Bounds3) -> Option<DAffine3> {
         let turn = match self.up {
             UpAxis::Y => DMat3::IDENTITY,
-            // z to y and y to -z: a quarter turn about x, exact.
+            // z to y and y to -z: an exact quarter turn about x.
             UpAxis::Z => DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y),
         };
         let turned = bounds.transformed(&DAffine3::from_mat3(turn));
@@ -550,49 +551,49 @@ pub enum LightDescription {
         /// Radiance, W/(m^2 sr).
         radiance: DVec3,
     },
-    /// A picture of what is outside the scene, in longitude and latitude.
+    /// An image of the radiance from outside the scene, in longitude and latitude.
     EnvironmentMap {
         /// The picture.
         image: PathBuf,
-        /// Counter-clockwise as seen from above, radians.
+        /// Rotation about the vertical axis, counter-clockwise as seen from above, radians.
         turn: f64,
-        /// Axes of unit length at right angles, perhaps mirrored, that x, y and z of the turned picture become; `None` where it
+        /// Orthonormal axes, possibly mirrored, to which x, y and z of the rotated picture are mapped; `None` where the picture
         /// stands upright.
         axes: Option<DMat3>,
-        /// W/(m^2 sr) for one of the picture.
+        /// Radiance for a picture value of one, W/(m^2 sr).
         factor: DVec3,
     },
-    /// Clear sky, and the sun in it.
+    /// A clear sky with the sun.
     Sky {
-        /// Of the sun above the horizon, radians, in `[0, pi/2]`.
+        /// Elevation of the sun above the horizon, radians, in `[0, pi/2]`.
         elevation: f64,
-        /// Of the sun, from -z to +x, radians.
+        /// Azimuth of the sun, from -z to +x, radians.
         azimuth: f64,
-        /// In `[1, 10]`.
+        /// Turbidity, in `[1, 10]`.
         turbidity: f64,
-        /// Reflectance of the plain under the sky, in `[0, 1]`.
+        /// Reflectance of the ground plane under the sky, in `[0, 1]`.
         albedo: DVec3,
-        /// W/(m^2 sr) for one of the model, which is 683 cd/m^2.
+        /// Radiance for a model value of one, which is 683 cd/m^2; W/(m^2 sr).
         factor: DVec3,
-        /// Whether the sun's disc shines.
+        /// Whether the sun's disc emits light.
         sun: bool,
-        /// Axes that x, y (the zenith) and z of the sky become, as for a picture.
+        /// Axes to which x, y (the zenith) and z of the sky are mapped, as for an environment map.
         axes: Option<DMat3>,
     },
-    /// A cone of light from a point.
+    /// A spot light: a cone of light from a point.
     Spot {
         /// Position, metres.
         position: DVec3,
-        /// Direction of the middle, any length.
+        /// Direction of the cone's axis, any length.
         direction: DVec3,
-        /// Radiant intensity in the middle, W/sr.
+        /// Radiant intensity on the axis, W/sr.
         intensity: DVec3,
-        /// Angle to the middle up to which the intensity is that, radians.
+        /// Angle from the axis up to which the intensity is constant, radians.
         inner: f64,
-        /// Angle from which on there is none, radians, at least `inner`.
+        /// Angle from the axis beyond which the intensity is zero, radians, at least `inner`.
         outer: f64,
     },
-    /// Light from a point with a measured distribution.
+    /// A point light with a measured intensity distribution.
     Profile {
         /// The photometric file.
         file: PathBuf,
@@ -602,26 +603,26 @@ pub enum LightDescription {
         direction: DVec3,
         /// Direction of the file's azimuth 0, not parallel to `direction`.
         along: DVec3,
-        /// How bright.
+        /// Brightness of the light.
         brightness: ProfileBrightness,
     },
 }
 
-/// How bright a light with a measured distribution is.
+/// Brightness of a light with a measured distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ProfileBrightness {
-    /// W/sr for each candela of the file.
+    /// Radiant intensity per candela of the file, W/sr.
     PerCandela(DVec3),
-    /// Power in all, W.
+    /// Total power, W.
     Power(DVec3),
 }
 
-/// A lens that is not a point.
+/// A thin lens with a finite aperture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LensDescription {
-    /// Radius, metres.
+    /// Radius of the aperture, metres.
     pub radius: f64,
-    /// Distance of the plane that is sharp from the eye, along the view, metres.
+    /// Distance of the focal plane from the eye, along the view, metres.
     pub focus: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Messages about a scene file: where, what is wrong, what to do, and the line itself.
+//! Diagnostics for scene files: the place, the problem, the remedy, and the source line itself.
 
 use super::description::Location;
 use super::synonyms::synonym;
@@ -8,34 +8,34 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// At most this many errors of a file are shown; the rest are counted.
+/// Most errors of a file that are shown; the rest are only counted.
 const SHOWN: usize = 20;
 
 /// Longest message and remedy, in characters: names in a file may have any length.
 const MESSAGE_LENGTH: usize = 600;
 
-/// Names longer than this, in bytes, are not compared: distances take the product of the lengths.
+/// Longest name, in bytes, that is compared: the cost of a distance is the product of the lengths.
 const COMPARED_LENGTH: usize = 64;
 
-/// At most this many names are compared.
+/// Most names that are compared.
 const COMPARED_NAMES: usize = 2000;
 
-/// Bytes of text between two entries of the index of characters.
+/// Bytes of text between two entries of the character index.
 const CHARACTER_STRIDE: usize = 1024;
 
 /// Longest piece of a source line that a message repeats, in characters.
 const EXCERPT_WIDTH: usize = 100;
 
-/// One thing wrong with a scene file.
+/// One problem of a scene file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     /// Where.
     pub location: Location,
-    /// What is wrong, and what was expected.
+    /// The problem, and what was expected.
     pub message: String,
     /// What to do about it.
     pub remedy: String,
-    /// The source line and a line of carets below the part in question; absent for the file as a whole.
+    /// The source line and carets below the relevant part; `None` where the whole file is meant.
     excerpt: Option<(String, String)>,
 }
 
@@ -62,7 +62,7 @@ pub enum SceneFileError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
         /// What to do about it.
         remedy: &'static str,
@@ -94,28 +94,28 @@ pub enum SceneFileError {
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What it is, and what to do.
+        /// Kind of the file, and what to do.
         kind: ForeignFile,
     },
     /// The text is not TOML.
     #[error("{}", Several(diagnostics, *more))]
     NotToml {
-        /// What was found, in the order of the file.
+        /// The errors, in the order of the file.
         diagnostics: Vec<Diagnostic>,
-        /// How many errors were found beyond those.
+        /// Number of further errors.
         more: u64,
     },
-    /// The text says something wrong.
+    /// The text is valid TOML, but not a valid scene.
     #[error("{}", Several(diagnostics, *more))]
     Invalid {
-        /// What was found, in the order of the file.
+        /// The errors, in the order of the file.
         diagnostics: Vec<Diagnostic>,
-        /// How many errors were found beyond those.
+        /// Number of further errors.
         more: u64,
     },
 }
 
-/// Displays a list of diagnostics, cut where nobody would read on.
+/// Displays a list of diagnostics up to a readable length.
 struct Several<'a>(&'a [Diagnostic], u64);
 
 impl fmt::Display for Several<'_> {
@@ -138,8 +138,8 @@ pub(super) struct SourceText<'a> {
     file: Arc<PathBuf>,
     /// Offset of the first byte of each line.
     line_starts: Vec<usize>,
-    /// Number of characters that begin before each multiple of [`CHARACTER_STRIDE`]. A file may be one long line, in
-    /// which counting from its start for each place would take forever.
+    /// Number of characters that begin before each multiple of [`CHARACTER_STRIDE`]. A file may be one long line, where counting
+    /// from the start for each place would take too long.
     characters: Vec<usize>,
 }
 
@@ -163,12 +163,12 @@ impl<'a> SourceText<'a> {
         self.characters[block] + count_characters(rest)
     }
 
-    /// The file as a whole.
+    /// The place that stands for the whole file.
     pub(super) fn whole(&self) -> Location {
         Location { file: Arc::clone(&self.file), line: 0, column: 0 }
     }
 
-    /// Line and column of a byte offset; offsets beyond the end mean the end.
+    /// Line and column of a byte offset; an offset beyond the end means the end.
     pub(super) fn location(&self, offset: usize) -> Location {
         let offset = offset.min(self.text.len());
         let (line, start) = self.line_of(offset);
@@ -197,14 +197,14 @@ impl<'a> SourceText<'a> {
         (line, self.line_starts.get(line).copied().unwrap_or(0))
     }
 
-    /// The first line of `span`, cut to a readable width, and carets under the span's part of it.
+    /// The first line of `span`, cut to a readable width, and carets below the span.
     fn excerpt(&self, span: &Range<usize>) -> (String, String) {
         let (_, start) = self.line_of(span.start);
         let rest = self.text.get(start..).unwrap_or_default();
         let line = rest.lines().next().unwrap_or_default();
         let column = self.location(span.start).column - 1;
         let length = self.slice(span).lines().next().unwrap_or_default().trim_end().chars().count().max(1);
-        // A window that keeps the span in sight where the line is long.
+        // In a long line the window is placed so that the span is visible.
         let skipped = column.saturating_sub(EXCERPT_WIDTH / 2);
         let shown: String =
             line.chars().skip(skipped).take(EXCERPT_WIDTH).map(|c| if c == '\t' { ' ' } else { c }).collect();
@@ -215,7 +215,7 @@ impl<'a> SourceText<'a> {
 }
 
 fn count_characters(text: &[u8]) -> usize {
-    // Every character has exactly one byte that does not continue another.
+    // Counts bytes that are not UTF-8 continuation bytes: one for each character.
     text.iter().filter(|&&byte| byte & 0xc0 != 0x80).count()
 }
 
@@ -227,7 +227,7 @@ fn cut(mut message: String) -> String {
     message
 }
 
-/// The known name nearest to `name`, where one is near enough to be what was meant.
+/// The known name nearest to `name`, if one is close enough to be a misspelling.
 pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     if name.len() > COMPARED_LENGTH {
         return None;
@@ -241,12 +241,12 @@ pub(super) fn nearest<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) 
         .map(|(_, n)| n)
 }
 
-/// The known name that `name` stands for elsewhere, or the nearest.
+/// The known name that other renderers call `name`, or the nearest known name.
 pub(super) fn meant<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     synonym(name, known.iter().copied()).or_else(|| nearest(name, known.iter().copied()))
 }
 
-/// "did you mean `x`? known: `a`, `b`", as far as there is anything to say.
+/// "did you mean `x`? known: `a`, `b`", or the parts of it that apply.
 pub(super) fn suggestion(name: &str, known: &[&str]) -> String {
     const LISTED: usize = 24;
     let meant = meant(name, known).map(|near| format!("did you mean `{near}`? "));

@@ -1,4 +1,4 @@
-//! Whether a place is enclosed by a model: what a guess that the model is a room rests on.
+//! Whether a model encloses a place: the test behind the guess that a model is a room.
 
 use super::mesh::TriangleMesh;
 use crate::math::Bounds3;
@@ -7,22 +7,22 @@ use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::LazyLock;
 
-/// Directions in each octant along either coordinate; cells of equal solid angle.
+/// Directions in each octant along either coordinate. The cells have equal solid angles.
 const CELLS: usize = 4;
 
-/// Directions in an octant.
+/// Directions in one octant.
 const IN_OCTANT: usize = CELLS * CELLS;
 
-/// Sectors of azimuth that each have to meet something: half quadrants.
+/// Sectors of azimuth, each half a quadrant. A wall must be hit in each of them.
 const SECTORS: usize = 8;
 
-/// What rays from one place to all sides meet first.
+/// Nearest hits of rays from one place in all directions.
 #[derive(Clone, Debug)]
 pub(super) struct MediumStack {
     eye: DVec3,
     /// By octant (bit 0, 1, 2 set: negative x, y, z), then by cell: the nearest hit.
     hits: [[Hit; IN_OCTANT]; 8],
-    /// The same straight up.
+    /// The nearest hit straight up.
     above: Hit,
 }
 
@@ -41,7 +41,7 @@ impl Hit {
         self.distance < f64::INFINITY
     }
 
-    /// Takes the nearer one; of two at the same distance the front, whatever the order they come in.
+    /// Keeps the nearer hit. At equal distances it keeps the front, whatever the order of the calls.
     fn take(&mut self, other: Self) {
         if other.distance < self.distance || other.distance == self.distance && other.is_front {
             *self = other;
@@ -59,12 +59,12 @@ fn direction(octant: usize, cell: usize) -> DVec3 {
     DVec3::new(sign(0) * across * cos, sign(1) * y, sign(2) * across * sin)
 }
 
-/// All of them, by octant.
+/// All directions, by octant.
 static DIRECTIONS: LazyLock<[[DVec3; IN_OCTANT]; 8]> =
     LazyLock::new(|| std::array::from_fn(|octant| std::array::from_fn(|cell| direction(octant, cell))));
 
-/// The solid angle of a triangle as seen from the origin, over the sphere; positive where its back is seen (Van Oosterom &
-/// Strackee 1983).
+/// Solid angle of a triangle as seen from the origin, as a fraction of the sphere; positive where its back is seen (Van Oosterom
+/// & Strackee 1983).
 fn signed_solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     let (la, lb, lc) = (a.length(), b.length(), c.length());
     let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
@@ -72,28 +72,29 @@ fn signed_solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     if angle.is_finite() { angle / (4.0 * PI) } else { 0.0 }
 }
 
-/// The triangles of a model, in the world.
+/// The triangles of a model in world space.
 pub(super) struct Triangles<'a>(Vec<(&'a TriangleMesh, DAffine3)>);
 
 impl<'a> Triangles<'a> {
-    /// Those of meshes under transforms.
+    /// The triangles of meshes under transforms.
     pub(super) fn new(placed: impl IntoIterator<Item = (&'a TriangleMesh, DAffine3)>) -> Self {
         Self(placed.into_iter().collect())
     }
 
-    /// The same under another transform.
+    /// The same triangles under a further transform.
     pub(super) fn under(&self, after: &DAffine3) -> Self {
         Self(self.0.iter().map(|(mesh, transform)| (*mesh, *after * *transform)).collect())
     }
 
-    /// Adds up all triangles, their corners counter-clockwise as seen from the front: the same for any number of threads.
+    /// Folds `add` over all triangles, whose corners are counter-clockwise as seen from the front. The result is the same for any
+    /// number of threads.
     pub(super) fn sum<T: Send>(
         &self,
         zero: impl Fn() -> T + Sync,
         add: impl Fn(&mut T, [DVec3; 3]) + Sync,
         merge: impl Fn(&mut T, T),
     ) -> T {
-        /// Triangles that one thread adds up at a time.
+        /// Triangles that one thread folds at a time.
         const AT_ONCE: usize = 1 << 14;
         let mut total = zero();
         for (mesh, transform) in &self.0 {
@@ -114,7 +115,7 @@ impl<'a> Triangles<'a> {
         total
     }
 
-    /// The box around all of them.
+    /// Bounding box of all triangles.
     pub(super) fn bounds(&self) -> Bounds3 {
         self.sum(
             || Bounds3::EMPTY,
@@ -123,7 +124,7 @@ impl<'a> Triangles<'a> {
         )
     }
 
-    /// Whether nothing lies between two places.
+    /// Whether the segment between two points is free of triangles.
     pub(super) fn leave_free(&self, from: DVec3, to: DVec3) -> bool {
         let length = (to - from).length();
         let way = (to - from) / length;
@@ -135,7 +136,7 @@ impl<'a> Triangles<'a> {
         nearest.distance >= length
     }
 
-    /// How often surfaces go around a place, seen from their fronts: about 1 in a body, -1 in a room whose walls have no
+    /// Winding number of the surfaces around a point, seen from their fronts: about 1 in a body, -1 in a room whose walls have no
     /// thickness, 0 between walls that do.
     fn winding(&self, around: DVec3) -> f64 {
         self.sum(
@@ -149,9 +150,9 @@ impl<'a> Triangles<'a> {
 /// A triangle seen from the eye.
 struct Seen {
     corners: [DVec3; 3],
-    /// Products of the corners two by two.
+    /// Cross products of pairs of corners.
     edges: [DVec3; 3],
-    /// Six times the volume of the tetrahedron with the eye: positive where the eye sees the back.
+    /// Six times the volume of the tetrahedron with the eye; positive where the eye sees the back.
     volume: f64,
 }
 
@@ -168,7 +169,7 @@ impl Seen {
         (0..3).all(|axis| if octant >> axis & 1 == 0 { most[axis] > 0.0 } else { least[axis] < 0.0 })
     }
 
-    /// What a ray along the unit `direction` meets of it. Rays through an edge meet both triangles that share it.
+    /// Hit of a ray along the unit `direction`. A ray through an edge hits both triangles that share the edge.
     fn meet(&self, direction: DVec3) -> Hit {
         let [x, y, z] = self.edges.map(|edge| edge.dot(direction));
         let is_inside = x >= 0.0 && y >= 0.0 && z >= 0.0 || x <= 0.0 && y <= 0.0 && z <= 0.0;
@@ -182,7 +183,7 @@ impl Seen {
 }
 
 impl MediumStack {
-    /// What is seen of a model from `eye`.
+    /// Hits around `eye`.
     pub(super) fn of(eye: DVec3, triangles: &Triangles<'_>) -> Self {
         let nothing = || Self { eye, hits: [[Hit::NONE; IN_OCTANT]; 8], above: Hit::NONE };
         triangles.sum(nothing, Self::add, Self::merge)
@@ -204,7 +205,7 @@ impl MediumStack {
         self.hits.iter_mut().flatten().zip(others).for_each(|(hit, other)| hit.take(other));
     }
 
-    /// The hits of octants for which `octants` holds, in rows and columns for which `cells` does.
+    /// The hits in the octants for which `octants` holds, in the rows and columns for which `cells` does.
     fn select(
         &self,
         octants: impl Fn(usize) -> bool,
@@ -221,7 +222,7 @@ impl MediumStack {
         self.hits.iter().enumerate().flat_map(of_octant).collect::<Vec<_>>().into_iter()
     }
 
-    /// Whether in each sector of azimuth half of the rays that go up, in the lowest `rows`, meet the model.
+    /// Whether in each sector of azimuth at least half of the upward rays in the lowest `rows` hit the model.
     fn is_walled_up_to(&self, rows: usize) -> bool {
         (0..SECTORS).all(|sector| {
             let (quadrant, half) = (sector / 2, sector % 2);
@@ -232,38 +233,38 @@ impl MediumStack {
         })
     }
 
-    /// Whether there is a wall on each side, windows aside: in each sector half of the rays up to 30 degrees.
+    /// Whether there is a wall on each side, apart from windows: in each sector half of the rays up to 30 degrees hit the model.
     pub(super) fn is_walled(&self) -> bool {
         self.is_walled_up_to(CELLS / 2)
     }
 
-    /// Whether the place is enclosed: of the rays that go up three quarters meet the model, half of the steepest quarter, and half of
-    /// those in each sector of azimuth, so that windows and skylights do not count, and an open side or top does.
+    /// Whether the place is enclosed: three quarters of the upward rays hit the model, half of the steepest quarter, and half of
+    /// the rays in each sector of azimuth. Windows and skylights pass this test; an open side or top fails it.
     pub(super) fn is_enclosed(&self) -> bool {
         share(self.select(is_upper, |_, _| true)) >= 0.75
             && share(self.select(is_upper, |row, _| row + 1 == CELLS)) >= 0.5
             && self.is_walled_up_to(CELLS)
     }
 
-    /// Whether the place is walled on all sides and open above, as in a crater, a bowl or a room without a ceiling.
+    /// Whether the place has walls on all sides and is open above, as in a crater, a bowl or a room without a ceiling.
     pub(super) fn is_open_above(&self) -> bool {
         self.is_walled() && share(self.select(is_upper, |row, _| row + 1 == CELLS)) < 0.25
     }
 
-    /// Whether what encloses the place turns its fronts to it, as the walls of a room do, and is no shell around a hollow: three
-    /// quarters of all hits, and surfaces go around it backwards.
+    /// Whether the enclosing surfaces face the place, as the walls of a room do, and are not a shell around a hollow: three
+    /// quarters of all hits are fronts, and the winding number is negative.
     pub(super) fn is_inside_out(&self, triangles: &Triangles<'_>) -> bool {
         let hits = || self.select(|_| true, |_, _| true).filter(Hit::is_some);
         let fronts = hits().filter(|hit| hit.is_front).count();
         4 * fronts >= 3 * hits().count() && triangles.winding(self.eye) < -0.5
     }
 
-    /// Distance to what is straight above, where there is something.
+    /// Distance to the surface straight above, if there is one.
     pub(super) fn above(&self) -> Option<f64> {
         self.above.is_some().then_some(self.above.distance)
     }
 
-    /// The middle one of the distances to what is around, where there is something.
+    /// Median distance to the surrounding surfaces, if there are any.
     pub(super) fn distance(&self) -> Option<f64> {
         let mut distances: Vec<f64> =
             self.select(|_| true, |_, _| true).filter(Hit::is_some).map(|hit| hit.distance).collect();
@@ -272,7 +273,7 @@ impl MediumStack {
     }
 }
 
-/// Whether the rays of an octant go up.
+/// Whether an octant lies above the horizon.
 fn is_upper(octant: usize) -> bool {
     octant & 2 == 0
 }
@@ -291,7 +292,7 @@ mod tests {
     use super::*;
     use crate::scene_file::mesh::Positions;
 
-    /// A box from -1 to 1 with faces inwards, without those whose normal is in `without`.
+    /// A box from -1 to 1 with faces inwards, without the faces whose normal is in `without`.
     fn room(without: &[DVec3]) -> Vec<[DVec3; 3]> {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let mut triangles = Vec::new();
@@ -300,7 +301,7 @@ mod tests {
                 continue;
             }
             let (u, v) = normal.any_orthonormal_pair();
-            // Counter-clockwise from within.
+            // Counter-clockwise as seen from within.
             let v = if u.cross(v).dot(normal) > 0.0 { v } else { -v };
             let corner = |a: f64, b: f64| -normal + u * a + v * b;
             triangles.push([corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0)]);
@@ -340,11 +341,11 @@ mod tests {
                 assert!((seen.above().unwrap() - above).abs() < 1e-9 * scale, "{:?} {above}", seen.above());
             }
             assert!(!around(DVec3::X * 1.1 * scale, &walls).is_enclosed());
-            // Turned inside out it is a body, whose inside is enclosed all the same.
+            // Turned inside out it is a body; its inside is enclosed all the same.
             let body: Vec<_> = walls.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
             let seen = around(DVec3::ZERO, &body);
             assert!(seen.is_enclosed() && !is_inside_out(DVec3::ZERO, &body));
-            // Walls with an outside hold a hollow.
+            // Walls with an outer side form a shell around a hollow.
             let outside: Vec<_> = body.iter().map(|triangle| triangle.map(|corner| corner * 1.1)).collect();
             let thick = [walls.clone(), outside].concat();
             assert!(around(DVec3::ZERO, &thick).is_enclosed() && !is_inside_out(DVec3::ZERO, &thick));

@@ -1,3 +1,5 @@
+//! Content hashes of scenes: over all files of a scene, and over the part that photons depend on.
+
 use super::description::{GeometryDescription, LightDescription, Named, SceneDescription, ShapeDescription};
 use super::gltf::{further_files, is_gltf_file};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
@@ -8,11 +10,11 @@ use std::fmt::{self, Write};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-/// A hash of everything a scene is read from: its text, the values of its parameters and its mesh files, in hexadecimal.
-/// The same content gives the same hash, wherever the files are.
+/// Hash of everything that a scene is read from, in hexadecimal: its text, the values of its parameters, and its mesh files. The
+/// same content gives the same hash, wherever the files are.
 ///
 /// # Errors
-/// Where a file cannot be read any more.
+/// Where a file can no longer be read.
 pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -> io::Result<String> {
     let mut hasher = blake3::Hasher::new();
     if scene.location.file.as_os_str() == MESH_SCENE_NAME {
@@ -21,7 +23,7 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
         hasher.update_reader(open_regular(&*scene.location.file)?.0)?;
     }
     for (name, value) in parameters {
-        // Lengths first, so that no two lists of parameters look alike.
+        // Lengths come first, so that different lists of parameters cannot produce the same bytes.
         hasher.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes());
         hasher.update(&(value.len() as u64).to_le_bytes()).update(value.as_bytes());
     }
@@ -29,29 +31,29 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// A hash of everything in a scene that photons depend on, in hexadecimal: shapes and their mesh files, materials, textures, media
-/// and lights; not the camera, the picture, settings, names, or where anything stands in the file.
+/// Hash of everything in a scene that photons depend on, in hexadecimal: shapes and their mesh files, materials, textures, media
+/// and lights. It does not cover the camera, the picture, settings, names, or places in the file.
 ///
 /// # Errors
-/// Where a mesh file cannot be read any more.
+/// Where a mesh file can no longer be read.
 pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
     let is_gltf = is_gltf_file(&scene.location.file);
     if is_gltf || is_mitsuba_file(&scene.location.file) {
-        // All of it is in the file, in those that it names, and in what it was read with.
+        // The file, the files that it names, and its parameters determine everything.
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader(open_regular(&*scene.location.file)?.0)?;
         for (name, value) in &scene.parameters {
             hasher.update(&(name.len() as u64).to_le_bytes()).update(name.as_bytes());
             hasher.update(&(value.len() as u64).to_le_bytes()).update(value.as_bytes());
         }
-        // And what was guessed about it.
+        // The guesses about it count as well.
         for note in scene.notes.iter().filter(|_| is_gltf) {
             hasher.update(&(note.message.len() as u64).to_le_bytes()).update(note.message.as_bytes());
         }
         hash_files(scene, &mut hasher)?;
         return Ok(hasher.finalize().to_hex().to_string());
     }
-    // Everything is named here, so that nothing is added to scenes without asking whether photons depend on it.
+    // All fields are listed, so that a new one does not compile until its effect on photons is considered.
     let SceneDescription {
         name: _,
         location: _,
@@ -69,13 +71,13 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
         instances,
         lights,
         light_photons,
-        // Their content, by `hash_files`.
+        // Covered by `hash_files`.
         further_files: _,
-        // What they changed is in the rest.
+        // Their effects are in the other fields.
         parameters: _,
     } = scene;
     let mut hasher = blake3::Hasher::new();
-    // Numbers print as the shortest text that reads as the same number, so different ones print differently.
+    // Numbers print as the shortest text that parses to the same number, so different numbers print differently.
     let mut out = Hashing(&mut hasher);
     let written = (|| {
         values(&mut out, "media", media)?;
@@ -92,7 +94,7 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
     Ok(hasher.finalize().to_hex().to_string())
 }
 
-/// Text on its way into a hash.
+/// A writer whose text goes into a hash.
 struct Hashing<'a>(&'a mut blake3::Hasher);
 
 impl Write for Hashing<'_> {
@@ -107,7 +109,7 @@ fn values<T: fmt::Debug>(out: &mut impl Write, what: &str, things: &[Named<T>]) 
     things.iter().try_for_each(|thing| writeln!(out, "{:?}", thing.value))
 }
 
-/// A shape without the place of its mesh file, whose content is hashed by [`hash_files`].
+/// Writes a shape without the path of its mesh file, whose content [`hash_files`] covers.
 fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
     let ShapeDescription {
         geometry,
@@ -117,7 +119,7 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
         caustic_photons,
         emission,
         group,
-        // Photons themselves are in the file.
+        // The photon file holds the photons themselves.
         illumination: _,
     } = shape;
     match geometry {
@@ -129,11 +131,11 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
     writeln!(out, " {transform:?} {flip_normal} {material} {caustic_photons:?} {emission:?} {group:?}")
 }
 
-/// The length and the content of a regular file.
+/// Adds the length and the content of a regular file.
 fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> io::Result<()> {
     let (file, length) = open_regular(path)?;
     hasher.update(&length.to_le_bytes());
-    // No more than that, as files of the system may go on for ever.
+    // No more than the length, because some system files never end.
     hasher.update_reader(file.take(length))?;
     Ok(())
 }
@@ -141,13 +143,13 @@ fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> io::Result<()> {
 /// A file that a scene is read from.
 struct ReadFile {
     path: PathBuf,
-    /// Whether there is a scene without it, with a warning: a file of materials, or a picture that one names.
+    /// Whether the scene loads without it, with a warning: a material file, or a picture that a material file names.
     is_optional: bool,
 }
 
-/// The files that a scene names, in the order of their use: meshes, materials, pictures, buffers, profiles of lights.
+/// The files that a scene names, in the order of their use: meshes, material files, pictures, buffers, photometric files.
 ///
-/// What a mesh names that cannot be read is not among them; whoever reads it says so.
+/// Files that a mesh names and that cannot be read are left out; the reader of the mesh reports them.
 fn named_files(scene: &SceneDescription) -> Vec<ReadFile> {
     let needed = |path: &PathBuf| ReadFile { path: path.clone(), is_optional: false };
     let mut files: Vec<ReadFile> = scene.further_files.iter().map(needed).collect();
@@ -172,20 +174,20 @@ fn named_files(scene: &SceneDescription) -> Vec<ReadFile> {
     files
 }
 
-/// All files that a scene is read from: its own text, and what that names, as far as it is there. None of them may be replaced by
-/// what is written of the scene.
+/// All existing files that a scene is read from: its own text, and the files that it names. An output must not replace any of
+/// them.
 pub fn files_of_scene(scene: &SceneDescription) -> Vec<PathBuf> {
     let own = Some(&*scene.location.file).filter(|file| file.as_os_str() != MESH_SCENE_NAME);
     let named = named_files(scene).into_iter().map(|file| file.path);
     own.cloned().into_iter().chain(named).collect()
 }
 
-/// The content of all files that a scene names.
+/// Adds the content of all files that a scene names.
 fn hash_files(scene: &SceneDescription, hasher: &mut blake3::Hasher) -> io::Result<()> {
     for ReadFile { path, is_optional } in named_files(scene) {
         match hash_file(hasher, &path) {
             Ok(()) => {}
-            // The picture has none of its materials either, and a warning.
+            // The picture is rendered without its materials as well, with a warning.
             Err(_) if is_optional => {
                 hasher.update(b"no file");
             }

@@ -1,23 +1,23 @@
 //! Photometric files of luminaires: IES LM-63 of 1986, 1991, 1995 and 2002.
 //!
-//! Read are intensities of type C (polar angles from the nadir, azimuths around the vertical), with the multipliers for lamp,
-//! ballast and both together. Keywords, sizes and watts are passed over.
+//! The reader takes intensities of type C (polar angles from the nadir, azimuths around the vertical) and the multipliers for the
+//! lamp, for the ballast and for both together. It ignores keywords, sizes and watts.
 
 use crate::files::{foreign_by_content, read_regular, text_of};
 use crate::lights::ProfileTable;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-/// Longest file that is read; those of makers are some ten kilobytes.
+/// Longest file that is read; files of manufacturers have some ten kilobytes.
 const MOST_BYTES: u64 = 8 << 20;
 
-/// Most angles of a kind.
+/// Most angles of one kind.
 const MOST_ANGLES: usize = 10_000;
 
-/// Most values of a file.
+/// Most values in a file.
 const MOST_VALUES: usize = 1 << 20;
 
-/// Why a photometric file cannot be used.
+/// Why a photometric file cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("{}{}: {problem}", .path.display(), line_suffix(*.line))]
 pub struct IesError {
@@ -25,7 +25,7 @@ pub struct IesError {
     pub path: PathBuf,
     /// Line, from 1; 0 for the file as a whole.
     pub line: usize,
-    /// What is wrong, and what to do.
+    /// The problem, and what to do.
     pub problem: String,
 }
 
@@ -38,21 +38,21 @@ fn line_suffix(line: usize) -> String {
 pub struct IesFile {
     /// Intensity in candela.
     pub table: ProfileTable,
-    /// What a user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
 /// Reads a photometric file.
 ///
 /// # Errors
-/// With the file, the line, what is wrong and what to do.
+/// With the file, the line, the problem, and what to do.
 pub fn read_ies(path: &Path) -> Result<IesFile, IesError> {
     let fail = |line, problem: String| IesError { path: path.to_path_buf(), line, problem };
     let unreadable = |error| fail(0, format!("cannot be read: {error}; check its name and permissions"));
     parse_ies_bytes(&read_regular(path, MOST_BYTES).map_err(unreadable)?, path)
 }
 
-/// [`read_ies`] of a file's bytes; messages call it `path`.
+/// [`read_ies`] for bytes in memory; messages call the file `path`.
 ///
 /// # Errors
 /// As [`read_ies`].
@@ -62,7 +62,7 @@ pub fn parse_ies_bytes(bytes: &[u8], path: &Path) -> Result<IesFile, IesError> {
 
 type Failure = (usize, String);
 
-/// Numbers of the text after TILT, with the lines they are on.
+/// The numbers after TILT, with their lines.
 struct Numbers<'a> {
     words: std::vec::IntoIter<(usize, &'a str)>,
     last_line: usize,
@@ -76,7 +76,7 @@ impl Numbers<'_> {
                 format!("the file ends before {what}; it is cut off, fetch it again"),
             ));
         };
-        // Some makers write exponents with a D.
+        // Some manufacturers write exponents with a D.
         let number = word.replace(['d', 'D'], "e").parse::<f64>().ok().filter(|number| number.is_finite());
         self.last_line = line;
         number.ok_or_else(|| {
@@ -96,7 +96,7 @@ impl Numbers<'_> {
         ))
     }
 
-    /// Increasing angles in degrees, as radians.
+    /// Increasing angles, converted from degrees to radians.
     fn angles(&mut self, count: usize, what: &str) -> Result<Vec<f64>, Failure> {
         let mut angles: Vec<f64> = Vec::with_capacity(count);
         for _ in 0..count {
@@ -123,7 +123,7 @@ fn parse_ies(bytes: &[u8]) -> Result<IesFile, Failure> {
     if let Some(foreign) = foreign_by_content(Path::new(""), bytes) {
         return Err((0, foreign.to_string()));
     }
-    // Names of makers may be in any encoding; numbers are ASCII.
+    // Manufacturers' names may be in any encoding; the numbers are ASCII.
     let bytes = text_of(bytes).map_err(|what| (0, what.to_owned()))?;
     let text: String =
         bytes.iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect();
@@ -237,7 +237,7 @@ fn parse_ies(bytes: &[u8]) -> Result<IesFile, Failure> {
                        90, 0 to 180, 90 to 270, or 0 to 360 (the last one may be missing)";
         (azimuth_line, problem.to_owned())
     })?;
-    // Absolute photometry says -1.
+    // Absolute photometry is marked by -1.
     let flux = table.flux();
     let rated = lamps * lumens;
     if lumens > 0.0 && flux > 1.05 * rated * factor {
@@ -248,7 +248,7 @@ fn parse_ies(bytes: &[u8]) -> Result<IesFile, Failure> {
     Ok(IesFile { table, warnings })
 }
 
-/// Completes a distribution over all azimuths by the symmetry that its angles stand for; `None` where they stand for none.
+/// Completes a distribution to all azimuths by the symmetry that its angles imply; `None` where they imply none.
 fn unfold(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<f32>) -> Option<ProfileTable> {
     let count = polar.len();
     let column = |index: usize| values[index * count..(index + 1) * count].to_vec();
@@ -259,7 +259,7 @@ fn unfold(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<f32>) -> Option<Profil
     }
     let mut columns: Vec<(f64, Vec<f32>)> =
         azimuth.iter().enumerate().map(|(i, &angle)| (angle, column(i))).collect();
-    // Mirrors what there is, at an angle.
+    // Appends the mirror image of the columns about an angle.
     let mirror = |columns: &mut Vec<(f64, Vec<f32>)>, at: f64| {
         let mirrored: Vec<_> = columns
             .iter()
@@ -274,7 +274,7 @@ fn unfold(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<f32>) -> Option<Profil
     } else if is(first, 0.0) && is(last, 180.0) {
         mirror(&mut columns, TAU / 2.0);
     } else if is(first, 90.0) && is(last, 270.0) {
-        // The plane from 90 to 270 degrees is the mirror.
+        // The mirror plane goes from 90 to 270 degrees.
         mirror(&mut columns, last);
         for (angle, _) in &mut columns {
             if *angle > TAU + 1e-9 {
@@ -297,7 +297,7 @@ fn unfold(polar: Vec<f64>, azimuth: Vec<f64>, values: Vec<f32>) -> Option<Profil
     }
     columns.sort_by(|a, b| a.0.total_cmp(&b.0));
     columns.dedup_by(|a, b| (a.0 - b.0).abs() < 1e-9);
-    // Where no angle was at the seam, what is between its neighbours.
+    // Where no angle lies at the seam, interpolates between its neighbours.
     if columns.first().is_some_and(|(angle, _)| *angle > 1e-9) {
         let (after, before) = (columns[0].clone(), columns[columns.len() - 1].clone());
         let gap = after.0 + TAU - before.0;
@@ -419,7 +419,7 @@ mod tests {
         }
         let low = parse_ies(good.replacen("100 50 0 0", "100 -50 0 0", 1).as_bytes()).unwrap();
         assert!(low.warnings[0].contains("below zero") && low.table.values[1] == 0.0);
-        // No text makes it fail in any other way.
+        // No truncated text causes any other failure.
         for end in 0..good.len() {
             let _ = parse_ies(&good.as_bytes()[..end]);
         }

@@ -1,10 +1,10 @@
-//! Hashing for tables whose keys come out of files.
+//! Hashing for tables whose keys come from files.
 
 use crate::sampling::mix;
 use std::hash::{BuildHasher, Hasher, RandomState};
 
-/// Makes hashers that begin with a secret of the process, so that no file can be made whose keys collide. Several times as fast
-/// as those of the standard library, of which reading would otherwise mostly consist.
+/// Builds hashers that start with a secret of the process, so that no file can be made whose keys collide. They are several times
+/// as fast as those of the standard library, which would otherwise dominate the reading time.
 #[derive(Clone, Copy)]
 pub(super) struct Keyed(u64);
 

@@ -1,11 +1,11 @@
-//! What a scene is foreseen to take of the memory, before its meshes are read.
+//! Memory that a scene is estimated to need, before its meshes are read.
 
 use super::description::SceneDescription;
 use super::mesh_size::{kept_textures, mesh_sizes};
 use crate::memory::{FILM, INSTANCE, LIGHT, MemoryEstimate};
 
 impl MemoryEstimate {
-    /// Of the meshes and the picture. Shapes that are written out in the scene file are small.
+    /// Estimate for the meshes and the picture. Shapes listed in the scene file itself are small.
     pub fn of_scene(scene: &SceneDescription, (width, height): (u32, u32)) -> Self {
         let sizes = mesh_sizes(scene);
         let triangles = sizes.iter().map(|size| size.triangles).fold(0, u64::saturating_add);
@@ -21,7 +21,7 @@ impl MemoryEstimate {
     }
 }
 
-/// Lights of a description, and the shapes of it that emit, wherever they stand.
+/// Number of lights of a description, including each placement of an emitting shape.
 fn lights_of(scene: &SceneDescription) -> u64 {
     let mut instances = vec![0u64; scene.groups.len()];
     scene.instances.iter().for_each(|instance| instances[instance.value.group] += 1);

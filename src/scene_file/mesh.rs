@@ -1,11 +1,11 @@
-//! Triangle meshes as files deliver them, before anything is scaled or moved.
+//! Triangle meshes as read from files, before any scale or translation.
 
 use crate::math::{Bounds3, unit_f64};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Vertex positions in the precision of their file. Files of doubles hold georeferenced models whose coordinates
-/// do not fit `f32` until they are recentred; files of floats would take twice the memory as doubles.
+/// Vertex positions in the precision of their file. Files of doubles hold georeferenced models whose coordinates do not fit `f32`
+/// until they are recentred. Storing the positions of all files as doubles would take twice the memory.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Positions {
     /// Every value of the file is exact in `f32`.
@@ -51,21 +51,21 @@ impl Positions {
 /// A mesh in its file's own space and unit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TriangleMesh {
-    /// Positions. Those that no triangle uses may be anything, even NaN.
+    /// Positions. Positions that no triangle uses may have any value, even NaN.
     pub positions: Positions,
     /// Corners, each below the number of positions; counter-clockwise as seen from the side of the normal. Every
     /// triangle has an area and finite corners.
     pub triangles: Vec<[u32; 3]>,
-    /// Unit shading normal of each vertex; zero where the file's is of no use, and the face's must stand in.
+    /// Unit shading normal of each vertex. Zero where the file's normal is unusable; the face normal is used there.
     pub normals: Option<Vec<Vec3>>,
     /// Texture coordinates of each vertex, finite.
     pub uvs: Option<Vec<Vec2>>,
 }
 
-/// What a file of vertices without faces is.
+/// Kind of a file that has vertices but no faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cloud {
-    /// Points, as scanners measure them.
+    /// A point cloud, as from a scanner.
     Points,
     /// Gaussian splats.
     Splats,
@@ -74,7 +74,7 @@ pub enum Cloud {
 }
 
 impl Cloud {
-    /// What it is and what to do.
+    /// What the file is, and what to do.
     pub fn explanation(self) -> &'static str {
         match self {
             Self::Points => {
@@ -92,7 +92,7 @@ impl Cloud {
     }
 }
 
-/// What a reader left out of a mesh or could not use. All zero for a sound file.
+/// Problems that a reader found in a mesh, counted by kind. All zero for a sound file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MeshReport {
     /// Faces with fewer than three corners, dropped.
@@ -109,20 +109,20 @@ pub struct MeshReport {
     pub unusable_uvs: u64,
     /// Lines, points, curves and surfaces of an OBJ file, left out.
     pub other_elements: u64,
-    /// Vertices without a colour beside others that have one, taken for white.
+    /// Vertices without a colour in a file where others have one; they become white.
     pub colourless_vertices: u64,
     /// Whether colours were numbers up to 255 or more where 1 was expected, and were scaled.
     pub scaled_colours: bool,
-    /// What the file is where it has vertices and no faces.
+    /// Kind of the file, where it has vertices but no faces.
     pub cloud: Option<Cloud>,
-    /// Polygons that cross themselves, which have no inside to fill: fans of triangles.
+    /// Polygons that cross themselves; they have no defined interior and become fans of triangles.
     pub crossed_polygons: u64,
     /// Bytes after the end of what the file declares, ignored.
     pub trailing_bytes: u64,
 }
 
 impl MeshReport {
-    /// What was found, in words, one item for each kind.
+    /// The problems in words, one item for each kind.
     pub fn findings(&self) -> Vec<String> {
         let line =
             self.non_finite_line.map(|line| format!(" (the first of these vertices is in line {line})"));
@@ -155,12 +155,12 @@ impl MeshReport {
     }
 }
 
-/// True for a triangle whose corners are in one line or the same point, as far as `f64` can tell: the area is within
-/// the rounding of its own computation. Thin triangles that do have an area pass.
+/// True for a triangle whose corners are collinear or coincident as far as `f64` can tell: its area is within the rounding error
+/// of its own computation. Thin triangles that do have an area pass.
 pub fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
-    /// Rounding of a cross product, relative to the product of the lengths, with room.
+    /// Bound on the relative rounding error of a cross product, with a margin.
     const ROUNDING: f64 = 4.0 * f64::EPSILON;
-    /// Squared sine of an angle that is far above it: most triangles, told without a root.
+    /// Squared sine far above that bound. Most triangles exceed it and need no square root.
     const CLEAR: f64 = 1e-12;
     if !(a.is_finite() && b.is_finite() && c.is_finite()) {
         return true;
@@ -170,20 +170,20 @@ pub fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
     if product.is_normal() && cross.is_normal() && cross > CLEAR * product {
         return false;
     }
-    // Each edge by its own size: 1e-200 does not underflow, and a needle is judged by its angle.
+    // Each edge is normalized by itself: edges of 1e-200 do not underflow, and a thin triangle is judged by its angle.
     let (Some(u), Some(v)) = (unit_f64(u), unit_f64(v)) else { return true };
     u.cross(v).length() <= ROUNDING
 }
 
-/// Triangles that a thread takes at least.
+/// Fewest triangles for one thread.
 const AT_ONCE: usize = 1 << 14;
 
-/// Drops the triangles that nothing can be done with, and counts them.
+/// Drops unusable triangles and counts them.
 pub(super) fn drop_unusable(triangles: &mut Vec<[u32; 3]>, positions: &Positions, report: &mut MeshReport) {
     let is_finite =
         |triangle: &[u32; 3]| positions.corners(*triangle).iter().all(|corner| corner.is_finite());
     let is_flat = |triangle: &[u32; 3]| is_degenerate(positions.corners(*triangle));
-    // Almost every mesh is sound: look in parallel first. What is not finite counts as flat.
+    // Almost every mesh is sound, so a parallel check comes first. Triangles that are not finite count as degenerate.
     let is_sound = match positions {
         Positions::Single(p) => triangles.par_iter().with_min_len(AT_ONCE).all(|triangle| {
             !is_degenerate(triangle.map(|vertex| Vec3::from_array(p[vertex as usize]).as_dvec3()))
@@ -210,7 +210,7 @@ impl TriangleMesh {
         let triangles = || self.triangles.par_iter().with_min_len(AT_ONCE);
         match &self.positions {
             Positions::Single(positions) => {
-                // In single precision, as far as these numbers need.
+                // Exact in single precision.
                 let empty = || (Vec3::INFINITY, Vec3::NEG_INFINITY);
                 let grown = |(low, high): (Vec3, Vec3), triangle: &[u32; 3]| {
                     let [a, b, c] = triangle.map(|vertex| Vec3::from_array(positions[vertex as usize]));
@@ -227,7 +227,7 @@ impl TriangleMesh {
         }
     }
 
-    /// Turns triangles around whose normals face the other way; computes smooth normals where there are none.
+    /// Swaps the winding of triangles whose normals face the other way; computes smooth normals where the mesh has none.
     pub fn follow_normals(&mut self) {
         let Some(normals) = &self.normals else {
             self.normals = Some(self.smooth_normals());
@@ -243,13 +243,13 @@ impl TriangleMesh {
         });
     }
 
-    /// Smooth shading normals: for each vertex the mean of the faces around it, weighted by their angles there
-    /// (Thürmer & Wüthrich 1998), unit length. Zero where a vertex has no face or its faces cancel.
+    /// Smooth shading normals of unit length: for each vertex the mean of the faces around it, weighted by their angles there
+    /// (Thürmer & Wüthrich 1998). Zero where a vertex has no face or its faces cancel.
     ///
-    /// Vertices at the same position but with different numbers are not joined: a file that splits them means
-    /// a crease. The result does not depend on the number of threads.
+    /// Vertices at the same position but with different numbers are not merged: a file that splits them means a crease. The
+    /// result does not depend on the number of threads.
     pub fn smooth_normals(&self) -> Vec<Vec3> {
-        /// Triangles whose contributions are held at a time.
+        /// Triangles whose contributions are in memory at one time.
         const BATCH: usize = 1 << 16;
         let mut sums = vec![DVec3::ZERO; self.positions.len()];
         let mut contributions = Vec::new();
@@ -258,7 +258,7 @@ impl TriangleMesh {
                 .par_iter()
                 .map(|triangle| self.weighted_normals(*triangle))
                 .collect_into_vec(&mut contributions);
-            // Added in the order of the file, so that sums are the same bits for any number of threads.
+            // Added in the order of the file, so that the sums are bit-identical for any number of threads.
             for (triangle, normals) in batch.iter().zip(&contributions) {
                 for (vertex, normal) in triangle.iter().zip(normals) {
                     sums[*vertex as usize] += *normal;
@@ -299,7 +299,7 @@ mod tests {
         TriangleMesh { positions, triangles, normals: None, uvs: None }
     }
 
-    /// A square whose second half is wound the other way, with normals that say where it faces.
+    /// A square whose second half has the opposite winding, with normals that define the front.
     #[test]
     fn triangles_follow_their_normals() {
         let square = |normals: Option<Vec<Vec3>>| TriangleMesh {
@@ -325,7 +325,7 @@ mod tests {
 
     #[test]
     fn smooth_normals_of_a_cube_point_along_its_diagonals() {
-        // Weighted by area or by count, the diagonals of the faces would show: 5 faces of 1, 4 or 2 triangles.
+        // A weight by area or by count would show the diagonals of the faces: 5 faces of 1, 4 or 2 triangles.
         for scale in [1e-150, 1e-6, 1.0, 1e6, 1e150] {
             let mesh = cube(scale);
             for (vertex, normal) in mesh.smooth_normals().iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Mesh files of any kind, by the ending of their name; and what the readers of OBJ and STL share.
+//! Mesh files of any kind, chosen by extension, and the code that the OBJ and STL readers share.
 
 use super::mesh::{MeshReport, TriangleMesh};
 use super::obj::read_obj_with;
@@ -17,7 +17,7 @@ pub enum MeshFileError {
     /// A PLY file.
     #[error(transparent)]
     Ply(#[from] PlyError),
-    /// Another: the place, what is wrong, and what to do.
+    /// Another kind of file: the place, the problem, and what to do.
     #[error("{}{place}: {problem}", file.display())]
     Other {
         /// The file.
@@ -47,23 +47,23 @@ impl fmt::Display for MeshPlace {
     }
 }
 
-/// An error before the file's name is added to it.
+/// An error without the file's name, which is added later.
 pub(super) type Failure = (MeshPlace, String);
 
 pub(super) fn in_file(path: &Path, (place, problem): Failure) -> MeshFileError {
     MeshFileError::Other { file: path.to_path_buf(), place, problem }
 }
 
-/// What is wanted of a mesh file, and who follows the reading.
+/// Options for reading a mesh file.
 #[derive(Clone, Copy)]
 pub struct MeshReading<'a> {
-    /// Normals of the file, where it has them.
+    /// Whether normals are read, where the file has them.
     pub normals: bool,
-    /// Texture coordinates, where it has them.
+    /// Whether texture coordinates are read, where the file has them.
     pub uvs: bool,
-    /// Colours of vertices and faces, where it has them.
+    /// Whether colours of vertices and faces are read, where the file has them.
     pub colours: bool,
-    /// Hears of how many bytes of how many have been read, from any thread; false stops.
+    /// Progress callback: bytes read and bytes in total, from any thread. It returns false to stop.
     pub progress: &'a (dyn Fn(u64, u64) -> bool + Sync),
 }
 
@@ -78,19 +78,19 @@ impl std::fmt::Debug for MeshReading<'_> {
 }
 
 impl MeshReading<'static> {
-    /// All that a file has.
+    /// Everything that a file has.
     pub const ALL: Self = Self { normals: true, uvs: true, colours: true, progress: &|_, _| true };
 }
 
 impl MeshReading<'_> {
-    /// The mesh without what nobody wants.
+    /// Removes the data that these options leave out.
     pub(super) fn without_unwanted(&self, mesh: TriangleMesh) -> TriangleMesh {
         let normals = mesh.normals.filter(|_| self.normals);
         let uvs = mesh.uvs.filter(|_| self.uvs);
         TriangleMesh { normals, uvs, ..mesh }
     }
 
-    /// Tells that byte `at` of `bytes` has been reached.
+    /// Reports progress up to byte `at` of `bytes`.
     pub(super) fn reached(&self, at: usize, bytes: &[u8]) -> Result<(), Failure> {
         match (self.progress)(at as u64, bytes.len() as u64) {
             true => Ok(()),
@@ -105,15 +105,15 @@ impl MeshReading<'_> {
 /// Reads a `.ply`, `.obj` or `.stl` file as one mesh.
 ///
 /// # Errors
-/// With the file, the line where there is one, what is wrong and what to do.
+/// With the file, the line where there is one, the problem, and what to do.
 pub fn read_mesh_file(path: &Path) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
     read_mesh_file_with(path, &MeshReading::ALL)
 }
 
-/// [`read_mesh_file`], with a choice of what is read.
+/// [`read_mesh_file`] with options.
 ///
 /// # Errors
-/// As [`read_mesh_file`], and where it was stopped.
+/// As [`read_mesh_file`], and where the reading was stopped.
 pub fn read_mesh_file_with(
     path: &Path,
     reading: &MeshReading<'_>,
@@ -129,14 +129,14 @@ pub fn read_mesh_file_with(
     Ok((reading.without_unwanted(mesh), report))
 }
 
-/// The bytes of a regular file.
+/// Content of a regular file.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, MeshFileError> {
     let fail = |problem| in_file(path, (MeshPlace::File, problem));
     let unreadable = |error| fail(format!("cannot be read: {error}; check its name and permissions"));
     read_regular(path, u64::MAX).map_err(unreadable)
 }
 
-/// A token as a message shows it.
+/// A token in the form that messages use.
 pub(super) fn shown(token: &[u8]) -> String {
     let text = String::from_utf8_lossy(&token[..token.len().min(4 * SHOWN)]);
     match text.char_indices().nth(SHOWN) {
@@ -145,7 +145,7 @@ pub(super) fn shown(token: &[u8]) -> String {
     }
 }
 
-/// A coordinate. What C libraries print for NaN and infinity is understood.
+/// Parses a coordinate. The forms of NaN and infinity that C libraries print are accepted.
 pub(super) fn number(token: Option<&[u8]>, line: usize, what: &str) -> Result<f64, Failure> {
     let Some(token) = token else {
         let problem = format!("the line ends before {what}; mend it or write the file again");
@@ -166,7 +166,7 @@ pub(super) fn number(token: Option<&[u8]>, line: usize, what: &str) -> Result<f6
     }
 }
 
-/// Words of a line, blanks left out.
+/// The words of a line, separated by blanks.
 pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
@@ -176,7 +176,7 @@ mod tests {
     use super::*;
     use std::fs;
 
-    /// A square of two triangles in each form that is read.
+    /// A square of two triangles in every supported format.
     fn samples() -> Vec<(&'static str, Vec<u8>)> {
         let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
             element face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n";
@@ -204,7 +204,7 @@ mod tests {
         ]
     }
 
-    /// A mesh, or an error that names the file and says what to do; never a panic.
+    /// Reads a mesh, or checks that the error names the file and says what to do; it must never panic.
     fn read_or_told(path: &Path) -> Option<TriangleMesh> {
         match read_mesh_file(path) {
             Ok((mesh, _)) => {
@@ -215,7 +215,7 @@ mod tests {
             Err(error) => {
                 let message = error.to_string();
                 let name = path.file_name().unwrap().to_string_lossy();
-                // After the last semicolon comes what to do.
+                // The remedy follows the last semicolon.
                 assert!(message.contains(&*name) && message.contains("; "), "{message}");
                 None
             }
@@ -246,7 +246,7 @@ mod tests {
             for sixteenth in 0..16 {
                 fs::write(&path, &bytes[..bytes.len() * sixteenth / 16]).unwrap();
                 let mesh = read_or_told(&path);
-                // Only an OBJ does not say how long it is.
+                // Only an OBJ does not state its length.
                 assert!(
                     mesh.is_none() || name == "a.obj",
                     "{name} cut at {sixteenth}/16 was taken for whole"
@@ -265,7 +265,7 @@ mod tests {
         }
     }
 
-    /// The collections of malformed files of other readers, where they lie beside the checkout.
+    /// The malformed files of other readers' test collections, where they lie beside the checkout.
     #[test]
     fn malformed_collections_are_read_or_told() {
         let checkout = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -1,4 +1,4 @@
-//! How large meshes are, from the heads of their files: what a scene takes is to be known before it is read.
+//! Sizes of meshes, taken from the headers of their files: the memory of a scene must be known before it is read.
 
 use super::description::{GeometryDescription, MaterialDescription, MeshNormals, SceneDescription};
 use super::gltf::{declared_gltf_size, is_gltf_file};
@@ -9,7 +9,7 @@ use std::io::{self, Read};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Bytes of text for a vertex and the two triangles that come with it, as programs write them: an OBJ's `v` and two `f`.
+/// Bytes of text for one vertex and its two triangles in a typical OBJ file: a `v` and two `f`.
 const OBJ_BYTES: u64 = 74;
 
 /// Bytes of text for a triangle of an ascii STL.
@@ -18,16 +18,16 @@ const STL_TEXT: u64 = 250;
 /// Bytes of a triangle of a binary STL.
 const STL_RECORD: u64 = 50;
 
-/// Numbers of a mesh, known or guessed before it is read.
+/// Size of a mesh, known or estimated before the mesh is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MeshSize {
     /// Vertices.
     pub vertices: u64,
     /// Triangles.
     pub triangles: u64,
-    /// Whether its vertices have normals that are wanted.
+    /// Whether its vertices have normals that the scene uses.
     pub has_normals: bool,
-    /// Bytes that reading takes beside the finished mesh.
+    /// Additional bytes while the mesh is read.
     pub reading: u64,
 }
 
@@ -39,8 +39,8 @@ impl MeshSize {
     }
 }
 
-/// The meshes of a scene that come from files: as they were read, or by what the files say; what cannot be read now will be told
-/// when it is read.
+/// Sizes of all meshes of a scene that come from files: as loaded, or as the headers of the files state them. A file that cannot
+/// be read is left out here; the error follows when it is loaded.
 pub fn mesh_sizes(scene: &SceneDescription) -> Vec<MeshSize> {
     let size = |geometry: &GeometryDescription| match geometry {
         GeometryDescription::MeshFile { path, .. } if is_gltf_file(path) => declared_gltf_size(path).ok(),
@@ -56,7 +56,7 @@ pub fn mesh_sizes(scene: &SceneDescription) -> Vec<MeshSize> {
     scene.shapes.iter().filter_map(|shape| size(&shape.value.geometry)).collect()
 }
 
-/// Bytes of the textures that materials of the scene hold in memory.
+/// Bytes of the textures that the scene's materials keep in memory.
 pub fn kept_textures(scene: &SceneDescription) -> u64 {
     let mut kept: Vec<(*const ImageTexture, u64)> = Vec::new();
     for material in &scene.materials {
@@ -72,13 +72,13 @@ pub fn kept_textures(scene: &SceneDescription) -> u64 {
 
 /// The size of one file.
 pub(super) fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSize> {
-    /// Longer headers are rare, and such files small for their size.
+    /// Longer headers are rare, and files with such headers are small.
     const HEAD: u64 = 1 << 16;
     let (file, length) = open_regular(path)?;
     let extension = path.extension().unwrap_or_default();
     let mut size = if extension.eq_ignore_ascii_case("obj") {
         let vertices = length / OBJ_BYTES;
-        // The file, positions of double precision twice, and a table of the corners that faces name.
+        // The file, its positions in double precision twice, and a table of the corners that faces name.
         let reading = length.saturating_add(vertices.saturating_mul(24 + 24 + 8 + 24));
         MeshSize { vertices, triangles: 2 * vertices, has_normals: false, reading }
     } else {
@@ -90,7 +90,7 @@ pub(super) fn mesh_size(path: &Path, normals: MeshNormals) -> io::Result<MeshSiz
                 .map_or(0, |count| u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
             let is_binary = count.checked_mul(STL_RECORD) == length.checked_sub(84);
             let triangles = if is_binary { count } else { length / STL_TEXT };
-            // The file, and a table of places.
+            // The file, and a table of positions.
             MeshSize {
                 vertices: triangles / 2,
                 triangles,
@@ -135,7 +135,7 @@ mod tests {
         stl.resize(84 + 50_000, 0);
         fs::write(&path, &stl).unwrap();
         assert_eq!(mesh_size(&path, MeshNormals::Flat).unwrap().triangles, 1000);
-        // What a short file declares is not believed.
+        // The count that a short file declares is ignored.
         fs::write(&path, &stl[..100]).unwrap();
         assert!(mesh_size(&path, MeshNormals::Flat).unwrap().triangles < 10);
         let path = folder.path().join("a.ply");

@@ -1,4 +1,4 @@
-//! `[parameters]`: names that a scene file leaves open, `${name}` where they are used, and `--set name=value`.
+//! `[parameters]`: named values that a scene file leaves open, `${name}` where they are used, and `--set name=value`.
 
 use super::diagnostic::{nearest, suggestion};
 use super::reader::{Context, Table, Value};
@@ -8,38 +8,38 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use toml::de::DeValue;
 
-/// Longest string that filling in parameters may make, in bytes.
+/// Longest string after substitution of parameters, in bytes.
 const MAX_FILLED: usize = 1 << 16;
 
 /// One parameter of a scene file.
 #[derive(Debug)]
 struct Parameter {
-    /// What it stands for; absent where the file has no default and the command line gave nothing.
+    /// The value; `None` where the file has no default and the command line gave none.
     value: Option<String>,
     /// Whether the value came from the command line.
     is_setting: bool,
-    /// What the file says about it.
+    /// The file's description of it.
     help: Option<String>,
     used: Cell<bool>,
     span: Range<usize>,
 }
 
-/// The parameters of a scene file with the values they have in this run.
+/// The parameters of a scene file with their values in this run.
 #[derive(Debug, Default)]
 pub(super) struct Parameters {
     by_name: BTreeMap<String, Parameter>,
 }
 
-/// A piece of a string with parameters in it.
+/// A piece of a string that may contain parameters.
 enum Piece<'t> {
     Text(&'t str),
     Reference(&'t str),
-    /// `${` without an end.
+    /// `${` without the closing brace.
     Open,
 }
 
 impl Parameters {
-    /// Reads the table `[parameters]` and puts `settings` (of the command line, later ones win) over it.
+    /// Reads the table `[parameters]`. The `settings` of the command line override its defaults; later settings win.
     pub(super) fn read<'a>(
         context: &'a Context<'a>,
         table: Option<&Table<'a>>,
@@ -70,7 +70,7 @@ impl Parameters {
         Self { by_name }
     }
 
-    /// The value of a parameter, if it exists and has one; counts as a use of it.
+    /// The value of a parameter, if the parameter exists and has a value; counts as a use of it.
     pub(super) fn value(&self, name: &str) -> Option<&str> {
         let parameter = self.by_name.get(name)?;
         parameter.used.set(true);
@@ -85,8 +85,8 @@ impl Parameters {
         }
     }
 
-    /// `text` with the values of parameters in place of `${name}`, and `$` in place of `$$`. Records an error and
-    /// yields `None` where one has no value.
+    /// Substitutes the values of parameters for `${name}`, and `$` for `$$`. Records an error and yields `None` where a parameter
+    /// has no value.
     pub(super) fn fill_in<'t>(
         &self,
         context: &Context<'_>,
@@ -107,7 +107,7 @@ impl Parameters {
                     return None;
                 }
             }
-            // Short texts with long parameters must not fill the memory.
+            // A short text with long parameter values must not exhaust the memory.
             if filled.len() > MAX_FILLED {
                 let message = format!("longer than {MAX_FILLED} bytes with its parameters filled in");
                 context.error(span, message, "make the parameters shorter");
@@ -133,7 +133,7 @@ impl Parameters {
         value
     }
 
-    /// What to do about a name that is not declared.
+    /// The remedy for a name that is not declared.
     fn undeclared(&self, name: &str) -> String {
         if self.by_name.is_empty() {
             return format!("declare it: a table `[parameters]` with `{name} = \"...\"`");
@@ -142,7 +142,7 @@ impl Parameters {
         format!("{}; parameters are declared in `[parameters]`", suggestion(name, &known))
     }
 
-    /// Warns about parameters that nothing refers to.
+    /// Warns about parameters that are never used.
     pub(super) fn warn_unused(&self, context: &Context<'_>) {
         for (name, parameter) in &self.by_name {
             if !parameter.used.get() {
@@ -153,7 +153,7 @@ impl Parameters {
     }
 }
 
-/// A default by itself, or a table with `default` and `help`, either of which may be absent.
+/// A default value, or a table with the optional keys `default` and `help`.
 fn read_parameter<'a>(span: &Range<usize>, value: Value<'a>) -> Option<Parameter> {
     let parameter = |value, help| Parameter {
         value,
@@ -193,7 +193,7 @@ fn pieces(text: &str) -> Vec<Piece<'_>> {
             pieces.push(Piece::Reference(name));
             rest = after;
         } else {
-            // `$$` is one dollar sign, and a dollar sign before anything else is itself.
+            // `$$` is a dollar sign; a dollar sign before anything else stands for itself.
             pieces.push(Piece::Text("$"));
             rest = from.strip_prefix("$$").unwrap_or(&from[1..]);
         }
@@ -205,7 +205,7 @@ fn pieces(text: &str) -> Vec<Piece<'_>> {
 }
 
 impl Value<'_> {
-    /// A string as it stands, parameters not filled in.
+    /// The string before substitution.
     fn raw_string(&self) -> Option<String> {
         match self.get_ref() {
             DeValue::String(text) => Some(text.to_string()),
@@ -213,7 +213,7 @@ impl Value<'_> {
         }
     }
 
-    /// A string, number or truth value as text.
+    /// A string, number or truth value as text, before substitution.
     fn raw_scalar(&self) -> Option<String> {
         match self.get_ref() {
             DeValue::String(text) => Some(text.to_string()),

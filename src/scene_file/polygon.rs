@@ -1,25 +1,26 @@
-//! Polygons to triangles: fans where these are right, ear clipping where they are not.
+//! Triangulation of polygons: fans where they cover the polygon, ear clipping where they do not.
 //!
-//! A polygon with holes comes as one that goes to each hole and back along the same edge; such are cut like any other.
+//! A polygon with holes is given as one loop that goes to each hole and back along the same edge. Such loops need no special
+//! case.
 
 use super::mesh::Positions;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// Rounding of a cross product of differences, relative to the product of their lengths, with room.
+/// Bound on the relative rounding error of a cross product of differences, with a margin.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// Points that are compared with a triangle, for each corner of a polygon, before it is given up: more than any polygon that does not
-/// cross itself was seen to need, and a bound on the time that a file can take.
+/// Most point-in-triangle tests for each corner of a polygon before it is given up. No polygon without self-crossings was seen to
+/// need as many, and the limit bounds the time that a file can take.
 const TESTS_PER_CORNER: usize = 4096;
 
-/// The same for small polygons, which need fewer but may have them all.
+/// Tests that every polygon may use. Small polygons need fewer.
 const TESTS: usize = 1 << 24;
 
-/// Fans that a thread takes at least.
+/// Fewest fans for one thread.
 const AT_ONCE: usize = 1 << 12;
 
-/// Triangles of one polygon among those of a mesh.
+/// The range of a polygon's triangles in a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Run {
     /// Number of its first triangle.
@@ -28,16 +29,16 @@ pub(super) struct Run {
     pub(super) count: usize,
 }
 
-/// Cuts a polygon into a fan of triangles around its first corner and appends them.
+/// Appends a polygon as a fan of triangles around its first corner.
 pub(super) fn push_fan(corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     if let [first, rest @ ..] = corners {
         triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
     }
 }
 
-/// Cuts a polygon of corners at `place` into triangles and appends them, two fewer than it has corners. A fan around the first corner
-/// where that covers the polygon, as it does for all convex ones; else ears are clipped. False for a polygon that crosses
-/// itself, which becomes a fan.
+/// Triangulates a polygon with corners at `place` and appends the triangles, two fewer than it has corners. It uses a fan around
+/// the first corner where that covers the polygon, as for all convex polygons, and ear clipping otherwise. Yields false for a
+/// polygon that crosses itself, which becomes a fan.
 pub fn triangulate_polygon(
     corners: &[u32],
     place: impl Fn(u32) -> DVec3,
@@ -58,7 +59,7 @@ pub fn triangulate_polygon(
     true
 }
 
-/// Cuts the polygons again whose fans do not cover them, and yields how many cross themselves.
+/// Replaces the fans that do not cover their polygons. Yields how many polygons cross themselves.
 pub(super) fn mend_fans(triangles: &mut [[u32; 3]], polygons: &[Run], positions: &Positions) -> u64 {
     let mut crossed = 0;
     for run in polygons {
@@ -73,7 +74,7 @@ pub(super) fn mend_equal_fans(triangles: &mut [[u32; 3]], count: usize, position
     fans.map(|fan| u64::from(!mend(fan, positions))).sum()
 }
 
-/// Cuts the polygon of a fan again where that does not cover it; false where it crosses itself.
+/// Replaces the triangles of a fan that does not cover its polygon. Yields false where the polygon crosses itself.
 fn mend(fan: &mut [[u32; 3]], positions: &Positions) -> bool {
     let Some(first) = fan.first() else { return true };
     let corners: Vec<u32> =
@@ -88,17 +89,18 @@ fn mend(fan: &mut [[u32; 3]], positions: &Positions) -> bool {
     }
 }
 
-/// How a polygon is cut.
+/// Result of a triangulation.
 enum Cut {
-    /// Around its first corner.
+    /// A fan around the first corner.
     Fan,
-    /// Into these.
+    /// These triangles.
     Ears(Vec<[u32; 3]>),
-    /// It crosses itself.
+    /// The polygon crosses itself.
     Crossed,
 }
 
-/// Triangles that are all counter-clockwise cover what the polygon winds around once, and nothing else: their windings add up to its own.
+/// Triangulates a polygon. Triangles that are all counter-clockwise cover the region that the polygon winds around once, and
+/// nothing else, because their winding numbers add up to that of the polygon.
 fn cut(corners: &[u32], place: impl Fn(u32) -> DVec3) -> Cut {
     let origin = place(corners[0]);
     let edge = |number: usize| place(corners[number]) - origin;
@@ -106,7 +108,7 @@ fn cut(corners: &[u32], place: impl Fn(u32) -> DVec3) -> Cut {
     // Newell's normal.
     let normal: DVec3 = crosses().map(|(u, v)| u.cross(v)).sum();
     let size = normal.length();
-    // Without area, too large for a cross product or not finite: nothing to decide by.
+    // Without area, too large for a cross product, or not finite: there is no orientation to decide by.
     if !(size > 0.0 && size.is_finite()) {
         return Cut::Fan;
     }
@@ -115,7 +117,7 @@ fn cut(corners: &[u32], place: impl Fn(u32) -> DVec3) -> Cut {
     if crosses().all(is_ahead) {
         return Cut::Fan;
     }
-    // Seen along the axis of which most is left, counter-clockwise.
+    // Projected along the axis with the largest projected area, counter-clockwise.
     let flat = |at: DVec3| {
         let (n, at) = (normal.abs(), at - origin);
         if n.x >= n.y && n.x >= n.z {
@@ -138,22 +140,22 @@ fn area(a: DVec2, b: DVec2, c: DVec2) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// How an ear is chosen; each is tried where the one before it leaves none.
+/// Strictness of the ear test. Each level is tried where the one before it finds no ear.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd)]
 enum Care {
-    /// It has an area, and no corner in it or on its border.
+    /// The ear has an area, and no corner inside or on its boundary.
     Clear,
-    /// No corner within it, which may lie on its border or be all of it.
+    /// No corner strictly inside. Corners may lie on the boundary, or the ear may have no area.
     Touching,
 }
 
-/// What is left of a polygon.
+/// The rest of a polygon while ears are clipped.
 struct Ring {
     at: Vec<DVec2>,
     next: Vec<usize>,
     previous: Vec<usize>,
     is_reflex: Vec<bool>,
-    /// Corners that were reflex at first, by their first coordinate: no others ever are.
+    /// Corners that were reflex at first, sorted by their first coordinate. No other corner becomes reflex.
     reflex: Vec<usize>,
     left: usize,
     tests: usize,
@@ -199,7 +201,7 @@ impl Ring {
             if point.x > high.x {
                 break;
             }
-            // Also the second corner at one place, of an edge to a hole.
+            // A duplicate of the corner counts too: an edge to a hole visits a position twice.
             let is_corner = point == a || point == b || point == c;
             if is_corner || !self.is_reflex[other] || point.y < low.y || point.y > high.y {
                 continue;
@@ -216,7 +218,7 @@ impl Ring {
         true
     }
 
-    /// All triangles; `None` where there are no more ears or some lie the wrong way round.
+    /// All triangles; `None` where no ear is left or some triangles have the wrong orientation.
     fn clip(mut self) -> Option<Vec<[usize; 3]>> {
         let most = TESTS_PER_CORNER.saturating_mul(self.at.len()).saturating_add(TESTS);
         let mut ears = Vec::with_capacity(self.left - 2);
@@ -245,7 +247,7 @@ impl Ring {
             for neighbour in [before, after] {
                 self.is_reflex[neighbour] &= self.area_at(neighbour) <= 0.0;
             }
-            // One further on, so that not all ears meet in one corner.
+            // Advances by one corner, so that not all ears meet in one corner.
             (corner, passed, care) = (self.next[after], 0, Care::Clear);
         }
         let (before, after) = (self.previous[corner], self.next[corner]);
@@ -280,7 +282,7 @@ mod tests {
         0.5 * points.iter().zip(next).map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>()
     }
 
-    /// Triangles cover the polygon and nothing else: none lies the wrong way round, and the areas add up.
+    /// Checks that the triangles cover the polygon and nothing else: none has the wrong orientation, and the areas add up.
     #[track_caller]
     fn covers(points: &[[f64; 2]]) {
         let whole = polygon_area(points);
@@ -304,14 +306,14 @@ mod tests {
         let (triangles, is_sound) = cut_flat(&[[0., 0.], [2., 0.], [2., 1.], [1., 2.], [0., 1.]], true);
         assert!(is_sound);
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
-        // With a corner on an edge, and one twice.
+        // With a corner on an edge, and a duplicate corner.
         let (triangles, _) = cut_flat(&[[0., 0.], [1., 0.], [2., 0.], [2., 1.], [2., 1.]], false);
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
     }
 
     #[test]
     fn concave_polygons_are_covered() {
-        // A dart from each of its corners, an L, a window with a hole, two holes.
+        // A dart starting at each of its corners, an L, a window with one hole, and one with two holes.
         let dart = [[0., 0.], [4., 0.], [1., 1.], [0., 4.]];
         for turn in 0..4 {
             let mut turned = dart;
@@ -364,7 +366,7 @@ mod tests {
         let mut rng = Rng::new(1, Stream::Measure, 0);
         for count in [5, 8, 21, 100, 3001] {
             for _ in 0..20_000 / count / 10 + 1 {
-                // Seen from the middle, which the first corner is not.
+                // Star-shaped about the centre, but not about the first corner.
                 let star: Vec<[f64; 2]> = (0..count)
                     .map(|i| {
                         let angle = std::f64::consts::TAU * i as f64 / count as f64;
@@ -383,7 +385,7 @@ mod tests {
             }
             comb.dedup();
             covers(&comb);
-            // The same lying down.
+            // The same polygon turned by a quarter.
             covers(&comb.iter().map(|&[x, y]| [-y, x]).collect::<Vec<_>>());
         }
     }

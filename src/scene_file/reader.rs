@@ -1,8 +1,8 @@
 //! A typed reader over the tables of a TOML file.
 //!
-//! Reading a value either yields it or records a [`Diagnostic`] and yields `None`, so that a caller can read every
-//! key of a table before it gives up, and all errors of a file are found in one go. A [`Table`] remembers which
-//! keys were asked for: what is left over when it is [finished](Table::finish) is unknown and refused.
+//! Reading a value either yields it or records a [`Diagnostic`] and yields `None`. A caller can therefore read every key of a
+//! table before it gives up, and all errors of a file are found in one pass. A [`Table`] remembers which keys were asked for: a
+//! key that is left over when the table is [finished](Table::finish) is unknown and refused.
 
 use super::description::{Location, SceneWarning};
 use super::diagnostic::{Diagnostic, SceneFileError, SourceText, meant, suggestion};
@@ -15,18 +15,18 @@ use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// At most this many errors of a file are kept; the rest are counted. Texts may have millions.
+/// Most errors of a file that are kept; the rest are only counted. A text may have millions.
 const KEPT: usize = 100;
 
-/// What reading one file shares: its text, its parameters, and what was found wrong.
+/// Shared state while one file is read: its text, its parameters, and the errors found so far.
 #[derive(Debug)]
 pub(super) struct Context<'a> {
     pub(super) source: SourceText<'a>,
-    /// Folder that relative paths of the file start from.
+    /// Folder of the file, from which relative paths start.
     pub(super) folder: PathBuf,
     pub(super) parameters: Parameters,
     diagnostics: RefCell<Vec<(usize, Diagnostic)>>,
-    /// Errors beyond those.
+    /// Number of errors beyond those kept.
     more: Cell<u64>,
     warnings: RefCell<Vec<SceneWarning>>,
 }
@@ -48,7 +48,7 @@ impl<'a> Context<'a> {
         self.error_with(span, || (message.into(), remedy.into()));
     }
 
-    /// Records an error whose message and remedy take time to find, unless there are enough already.
+    /// Records an error whose message and remedy are costly to build, unless enough errors are recorded already.
     pub(super) fn error_with(&self, span: &Range<usize>, what: impl FnOnce() -> (String, String)) {
         if self.diagnostics.borrow().len() >= KEPT {
             self.more.set(self.more.get() + 1);
@@ -59,7 +59,7 @@ impl<'a> Context<'a> {
         self.diagnostics.borrow_mut().push((span.start, diagnostic));
     }
 
-    /// Takes back an error that another one says better.
+    /// Removes an error that another one describes better.
     fn retract(&self, span: &Range<usize>, message: &str) {
         let mut diagnostics = self.diagnostics.borrow_mut();
         let found = diagnostics
@@ -70,7 +70,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// Counts errors that are not worth a message each.
+    /// Counts errors that do not get a message each.
     pub(super) fn leave_out(&self, count: u64) {
         self.more.set(self.more.get() + count);
     }
@@ -90,7 +90,7 @@ impl<'a> Context<'a> {
         self.source.location(span.start)
     }
 
-    /// Everything that was recorded.
+    /// All that was recorded.
     pub(super) fn into_findings(self) -> Findings {
         let mut diagnostics = self.diagnostics.into_inner();
         diagnostics.sort_by_key(|&(offset, _)| offset);
@@ -102,12 +102,12 @@ impl<'a> Context<'a> {
     }
 }
 
-/// What was recorded while reading a file.
+/// Errors and warnings recorded while a file was read.
 #[derive(Debug)]
 pub(super) struct Findings {
     /// Errors in the order of the file.
     pub(super) diagnostics: Vec<Diagnostic>,
-    /// Number of errors beyond those.
+    /// Number of errors beyond `diagnostics`.
     pub(super) more: u64,
     pub(super) warnings: Vec<SceneWarning>,
 }
@@ -118,7 +118,7 @@ impl Findings {
     }
 }
 
-/// A range of numbers that a key takes. Every one of them is finite.
+/// The range of numbers that a key accepts. Every number in it is finite.
 #[derive(Debug)]
 pub(super) struct Expected {
     /// Completes "expected ...".
@@ -130,16 +130,16 @@ pub(super) struct Expected {
 
 /// Any finite number.
 pub(super) const NUMBER: Expected = Expected { what: "a number", example: "1.5", holds: |_| true };
-/// Lengths, scales.
+/// For lengths and scales.
 pub(super) const POSITIVE: Expected =
     Expected { what: "a number above 0", example: "1.0", holds: |x| x > 0.0 };
-/// How many photons something gets, in proportion to what it would get by itself.
+/// A factor on the number of photons, relative to the number without it.
 pub(super) const SHARE: Expected =
     Expected { what: "a number from 1e-6 to 1e6", example: "2.0", holds: |x| (1e-6..=1e6).contains(&x) };
-/// Radiometric quantities, absorption.
+/// For radiometric quantities and absorption.
 pub(super) const NON_NEGATIVE: Expected =
     Expected { what: "a number of at least 0", example: "1.0", holds: |x| x >= 0.0 };
-/// Reflectances.
+/// For reflectances.
 pub(super) const FRACTION: Expected = Expected {
     what: "a number from 0 to 1 (more would make light)",
     example: "0.75",
@@ -152,7 +152,7 @@ pub(super) struct Value<'a> {
     context: &'a Context<'a>,
     value: &'a Spanned<DeValue<'a>>,
     name: &'a str,
-    /// Whether it is an item of a list.
+    /// Whether it is an item of an array.
     is_item: bool,
 }
 
@@ -161,7 +161,7 @@ impl<'a> Value<'a> {
         Self { context, value, name, is_item: false }
     }
 
-    /// Bytes of the file that the value takes.
+    /// Byte range of the value in the file.
     pub(super) fn span(&self) -> Range<usize> {
         self.value.span()
     }
@@ -170,7 +170,7 @@ impl<'a> Value<'a> {
         self.context
     }
 
-    /// Name of the key the value belongs to.
+    /// Name of the key that the value belongs to.
     pub(super) fn name(&self) -> &'a str {
         self.name
     }
@@ -184,7 +184,7 @@ impl<'a> Value<'a> {
         matches!(self.value.get_ref(), DeValue::Table(_))
     }
 
-    /// Also where a parameter stands for the value.
+    /// Whether it is a truth value, or a parameter that stands for one.
     pub(super) fn is_boolean(&self) -> bool {
         let parameter = self.whole_parameter().map(|(_, text)| text.trim());
         matches!(self.value.get_ref(), DeValue::Boolean(_)) || matches!(parameter, Some("true" | "false"))
@@ -194,7 +194,7 @@ impl<'a> Value<'a> {
         matches!(self.value.get_ref(), DeValue::String(_))
     }
 
-    /// Records that the value is not what the key takes.
+    /// Records that the key does not accept the value.
     pub(super) fn refuse<T>(&self, expected: &str, remedy: impl Into<String>) -> Option<T> {
         let verb = if self.is_item { "contains" } else { "is" };
         let message = format!("`{}` {verb} {}: expected {expected}", self.name, self.found());
@@ -209,7 +209,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// The value as a message shows it: itself where it is short, its kind where it is not.
+    /// The value as a message shows it: its text where that is short, otherwise its kind.
     fn found(&self) -> String {
         const SHORT: usize = 40;
         let text = self.context.source.slice(&self.span()).trim();
@@ -225,7 +225,7 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// Name and value of the parameter where the value is a string that consists of one `${name}` alone.
+    /// Name and value of the parameter where the value is a string that consists of a single `${name}`.
     pub(super) fn whole_parameter(&self) -> Option<(&'a str, &'a str)> {
         let DeValue::String(text) = self.value.get_ref() else { return None };
         let name = text.strip_prefix("${")?.strip_suffix('}')?;
@@ -251,7 +251,7 @@ impl<'a> Value<'a> {
 
     /// A finite number for which `holds`: `what` completes "expected ...", `example` is one.
     pub(super) fn number_if(&self, what: &str, example: &str, holds: impl Fn(f64) -> bool) -> Option<f64> {
-        // A reference to a parameter that does not exist is worth its own message.
+        // A reference to an undeclared parameter gets its own message.
         if self.is_string() && self.whole_parameter().is_none() {
             self.string()?;
         }
@@ -264,9 +264,9 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// An integer in a range; `1e6` is one as well.
+    /// An integer in a range; `1e6` counts as an integer.
     pub(super) fn integer(&self, range: RangeInclusive<u64>) -> Option<u64> {
-        /// Beyond this not every integer is a floating-point number.
+        /// Above this not every integer has an exact `f64`.
         const EXACT: f64 = 9_007_199_254_740_992.0;
         if self.is_string() && self.whole_parameter().is_none() {
             self.string()?;
@@ -303,8 +303,8 @@ impl<'a> Value<'a> {
         }
     }
 
-    /// A path: relative to the file's folder, or to the current directory where it begins with a parameter
-    /// that was given on the command line.
+    /// A path. It is relative to the file's folder, or to the current directory where it begins with a parameter that was set on
+    /// the command line.
     pub(super) fn path(&self) -> Option<PathBuf> {
         let text = self.string()?;
         if text.is_empty() {
@@ -368,7 +368,7 @@ impl<'a> Value<'a> {
     }
 }
 
-/// A table of the file, and which of its keys were asked for.
+/// A table of the file, with a record of the keys that were asked for.
 #[derive(Debug)]
 pub(super) struct Table<'a> {
     context: &'a Context<'a>,
@@ -376,7 +376,7 @@ pub(super) struct Table<'a> {
     span: Range<usize>,
     title: String,
     known: Vec<&'static str>,
-    /// Keys that must be there and are not, with what was said of them.
+    /// Required keys that are missing, with the messages about them.
     missing: Vec<(&'static str, String)>,
 }
 
@@ -413,7 +413,7 @@ impl<'a> Table<'a> {
         None
     }
 
-    /// All entries in the order of the file, with the places of their names; none of them is unknown.
+    /// All entries in the order of the file, with the places of their names; none of them counts as unknown.
     pub(super) fn sorted_entries(&self) -> Vec<(Range<usize>, Value<'a>)> {
         let mut entries: Vec<_> = self
             .entries
@@ -424,7 +424,7 @@ impl<'a> Table<'a> {
         entries
     }
 
-    /// The value of a key, if the table has it.
+    /// The value of a key, if the table has it; the key counts as known.
     pub(super) fn get(&mut self, key: &'static str) -> Option<Value<'a>> {
         if !self.known.contains(&key) {
             self.known.push(key);
@@ -432,13 +432,13 @@ impl<'a> Table<'a> {
         self.peek(key)
     }
 
-    /// The same, and the key is not known by it: [`Self::finish`] refuses it.
+    /// The value of a key without making it known: [`Self::finish`] still refuses it.
     pub(super) fn peek(&self, key: &'static str) -> Option<Value<'a>> {
         let entry = self.entries.iter().find(|(name, _)| name.get_ref() == key)?;
         Some(Value::new(self.context, key, entry.1))
     }
 
-    /// Reads a key that must be there; `example` is a value it could have.
+    /// Reads a required key; `example` is a valid value for the message.
     pub(super) fn required<T>(
         &mut self,
         key: &'static str,
@@ -455,7 +455,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Reads a key that may be absent. `None` is an error, `Some(None)` absence.
+    /// Reads an optional key. `None` is an error, `Some(None)` means absent.
     pub(super) fn optional<T>(
         &mut self,
         key: &'static str,
@@ -477,8 +477,8 @@ impl<'a> Table<'a> {
         self.get(key).map_or(Some(default), read)
     }
 
-    /// Refuses every key that nobody asked for. One that is another misspelt is one error and not two, also where that other must
-    /// be there.
+    /// Refuses every key that was not asked for. A misspelt key is reported as one error and not as two, even where the key that
+    /// was meant is required.
     pub(super) fn finish(self) {
         for (span, value) in self.sorted_entries() {
             if !self.known.contains(&value.name) {

@@ -1,4 +1,4 @@
-//! Models that are rooms: whether one is, where a camera stands in it, and the light that is put there.
+//! Models that are rooms: detection, a camera inside, and an added light.
 
 use super::description::{
     CameraDescription, EmissionDescription, FovAxis, GeometryDescription, LightDescription, Location,
@@ -9,37 +9,37 @@ use crate::math::{Bounds3, Rgb};
 use glam::{DAffine3, DVec3};
 use std::f64::consts::PI;
 
-/// What a white surface that faces an added light gets of it, as a share of white.
+/// Light that a white surface facing an added light receives, as a share of white.
 pub(super) const LAMP: f64 = 0.6;
-/// Share of the model's footprint that flat floor must cover to stand for the ground.
+/// Share of the model's footprint that a flat floor must cover to count as the ground.
 const FLOOR_SHARE: f64 = 0.5;
-/// How high above the lowest point a floor may lie, over the model's size.
+/// Largest height of a floor above the lowest point, relative to the model's size.
 const FLOOR_HEIGHT: f64 = 0.03;
-/// Where a camera stands in the bounds of a room, and where it looks: from near one corner towards the other.
+/// Position and target of the camera in the bounds of a room: from near one corner towards the other.
 const EYE: DVec3 = DVec3::new(0.8, 0.4, 0.85);
 const AT: DVec3 = DVec3::new(0.35, 0.33, 0.2);
-/// Where a lamp hangs in the bounds of a room: its corner, and its extent along x and z.
+/// Position of a lamp in the bounds of a room: its corner, and its extent along x and z.
 const CEILING: DVec3 = DVec3::new(0.35, 0.97, 0.35);
 const CEILING_SHARE: f64 = 0.3;
-/// Where a light above the eye hangs, of the way to what is above.
+/// Height of a light above the eye, as a fraction of the distance to what is above.
 const ABOVE: f64 = 0.8;
-/// The widest picture that an added light must not stand in, whatever the size that is asked for.
+/// Widest aspect ratio in which an added light must not be visible, whatever size is asked for.
 const WIDEST: f64 = 2.4;
 
-/// Whether something is guessed.
+/// Whether a property is guessed or set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub enum Choice {
-    /// By what the file shows.
+    /// Guessed from the file.
     #[default]
     Auto,
-    /// In any case.
+    /// Always.
     Yes,
-    /// Not at all.
+    /// Never.
     No,
 }
 
 impl Choice {
-    /// Whether it is so, where the file itself says `found`.
+    /// The choice where the file suggests `found`.
     pub(super) fn over(self, found: bool) -> bool {
         match self {
             Self::Auto => found,
@@ -49,11 +49,11 @@ impl Choice {
     }
 }
 
-/// What is known of all triangles of a model, y up.
+/// Measurements over all triangles of a model, y up.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Model {
     pub bounds: Bounds3,
-    /// Area of those that face up near the lowest point.
+    /// Area of the triangles near the lowest point that face up.
     floor: f64,
 }
 
@@ -74,37 +74,37 @@ impl Model {
         Self { bounds, floor }
     }
 
-    /// Whether it has an extent that something can be placed by.
+    /// Whether the model has a finite extent to place things by.
     pub(super) fn has_extent(&self) -> bool {
         !self.bounds.is_empty() && self.bounds.radius().is_finite() && self.bounds.radius() > 0.0
     }
 
-    /// Whether flat floor at the lowest point covers half of its footprint.
+    /// Whether a flat floor at the lowest point covers half of the footprint.
     pub(super) fn has_floor(&self) -> bool {
         let size = self.bounds.max - self.bounds.min;
         self.floor > 0.0 && self.floor >= FLOOR_SHARE * size.x * size.z
     }
 }
 
-/// A light that is put into a room.
+/// A light that is added to a room.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum RoomLight {
     /// A lamp under the ceiling.
     Ceiling,
-    /// A point, which no camera sees: where it is, and how far from it surfaces are.
+    /// A point light, which no camera sees: its position, and the distance to the surrounding surfaces.
     Point { position: DVec3, distance: f64 },
 }
 
-/// A room that a camera is in.
+/// A room with a camera inside.
 #[derive(Clone, Debug)]
 pub(super) struct Room {
-    /// Where it is seen from, unless the file says so.
+    /// Camera of the room, unless the file has one.
     pub camera: CameraDescription,
     light: RoomLight,
 }
 
 impl Room {
-    /// The room that the camera of a file stands in: surfaces enclose its eye. Or `None`, unless `is_wished`.
+    /// The room around the camera of a file, where surfaces enclose its eye. `None` where they do not, unless `is_wished`.
     pub(super) fn around(
         camera: &CameraDescription,
         aspect: f64,
@@ -121,8 +121,8 @@ impl Room {
         })
     }
 
-    /// The room that a model is as a whole: it has a floor, and surfaces without thickness face inwards on all sides of a place
-    /// from which one sees much of it. Or `None`, unless `is_wished`.
+    /// The room that the whole model is: it has a floor, and surfaces without thickness face inwards on all sides of a place from
+    /// which much of the model is visible. `None` where it is not a room, unless `is_wished`.
     pub(super) fn of(
         model: &Model,
         location: &Location,
@@ -157,7 +157,8 @@ impl Room {
         Some(Self { camera, light })
     }
 
-    /// Adds the light, in units of `white`, a radiance. What walls make of it is up to them, so exposure is left to the picture.
+    /// Adds the light, in units of the radiance `white`. Its effect depends on the walls, so the exposure is chosen from the
+    /// picture.
     pub(super) fn add_light(
         &self,
         description: &mut SceneDescription,
@@ -188,7 +189,7 @@ impl Room {
     }
 }
 
-/// A lamp under the ceiling where it is in the room and may be seen, or else a light above the eye.
+/// A lamp under the ceiling where that is inside the room and may be visible; otherwise a light above the eye.
 fn light_for(
     eye: DVec3,
     seen: &MediumStack,
@@ -208,7 +209,7 @@ fn light_for(
     RoomLight::Point { position: eye + DVec3::Y * height, distance }
 }
 
-/// Corner and edges of a lamp under the ceiling; x times z points down.
+/// Corner and edges of a lamp under the ceiling; the cross product of x and z points down.
 fn ceiling(bounds: &Bounds3) -> (DVec3, DVec3, DVec3) {
     let size = bounds.max - bounds.min;
     let corner = bounds.min + size * CEILING;
@@ -219,7 +220,7 @@ pub(super) fn corners_of((corner, edge_u, edge_v): (DVec3, DVec3, DVec3)) -> [DV
     [corner, corner + edge_u, corner + edge_v, corner + edge_u + edge_v]
 }
 
-/// Whether a flat thing with these corners may be in the picture of a camera, also where that is made as wide as `WIDEST`.
+/// Whether a flat object with these corners may be visible to a camera, even where the picture is as wide as `WIDEST`.
 pub(super) fn may_see(camera: &CameraDescription, aspect: f64, corners: &[DVec3]) -> bool {
     let forward = (camera.at - camera.eye).normalize_or_zero();
     let right = forward.cross(camera.up).normalize_or_zero();
@@ -240,7 +241,7 @@ pub(super) fn may_see(camera: &CameraDescription, aspect: f64, corners: &[DVec3]
     !planes.iter().any(is_behind)
 }
 
-/// A camera at a place in the bounds of a room.
+/// A camera at a relative position in the bounds of a room.
 fn within(bounds: &Bounds3, eye: DVec3, at: DVec3, location: &Location) -> CameraDescription {
     let size = bounds.max - bounds.min;
     CameraDescription {

@@ -1,8 +1,8 @@
-//! STL meshes (3D Systems 1988), ascii and binary. Corners at the same place become one vertex. Normals of the file are not
-//! read: they are those of the triangles, as far as they are right.
+//! STL meshes (3D Systems 1988), ascii and binary. Corners at the same position become one vertex. The normals of the file are
+//! not read: where they are correct, they equal the face normals.
 //!
-//! A binary file says how many triangles it has, which is compared with its length before memory is taken; memory stays
-//! below 16 times that length. Its corners are read and welded on all threads.
+//! A binary file declares its number of triangles. The reader compares it with the file's length before it allocates memory;
+//! memory stays below 16 times that length. Corners are read and merged on all threads.
 
 use super::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable};
 use super::mesh_file::{
@@ -17,24 +17,24 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Text, and the number of triangles.
+/// Bytes of the header: 80 bytes of text and the number of triangles.
 const HEADER: usize = 84;
 
-/// A normal, three corners, two bytes of attributes.
+/// Bytes of a triangle: a normal, three corners, two bytes of attributes.
 const RECORD: usize = 50;
 
-/// Lines from one word of progress to the next.
+/// Lines between two progress reports.
 const TOLD: usize = 1 << 15;
 
 /// Reads an STL file.
 ///
 /// # Errors
-/// With the file, the line where it is ascii, what is wrong and what to do.
+/// With the file, the line where it is ascii, the problem, and what to do.
 pub fn read_stl(path: &Path) -> Result<(TriangleMesh, MeshReport), MeshFileError> {
     read_stl_with(path, &MeshReading::ALL)
 }
 
-/// [`read_stl`], followed by somebody who may stop it.
+/// [`read_stl`] with a progress callback that may stop it.
 pub(super) fn read_stl_with(
     path: &Path,
     reading: &MeshReading<'_>,
@@ -42,7 +42,7 @@ pub(super) fn read_stl_with(
     parse_stl(&read_bytes(path)?, reading).map_err(|failure| in_file(path, failure))
 }
 
-/// Parses the bytes of an STL file; `path` is only for messages.
+/// Parses the bytes of an STL file. Messages call it `path`.
 ///
 /// # Errors
 /// As [`read_stl`].
@@ -57,7 +57,7 @@ pub(super) fn parse_stl(
 ) -> Result<(TriangleMesh, MeshReport), Failure> {
     let mut report = MeshReport::default();
     let (positions, mut triangles) = if is_ascii(bytes) {
-        // A binary file has a size to go by, whatever it begins with.
+        // The length of a binary file is known, whatever its first bytes are.
         let text = text_of(bytes).map_err(|what| (MeshPlace::File, what.to_owned()))?;
         read_ascii(&text, reading, &mut report)?
     } else {
@@ -79,7 +79,7 @@ fn declared(bytes: &[u8]) -> Option<u64> {
     Some(u64::from(u32::from_le_bytes(count.try_into().ok()?)))
 }
 
-/// Binary files may begin with `solid` too: the length tells.
+/// Whether a file is ascii. A binary file may begin with `solid` too, so the length decides.
 fn is_ascii(bytes: &[u8]) -> bool {
     let fits =
         declared(bytes).is_some_and(|count| HEADER as u64 + RECORD as u64 * count == bytes.len() as u64);
@@ -88,10 +88,10 @@ fn is_ascii(bytes: &[u8]) -> bool {
     is_solid && !fits && !bytes.iter().take(1024).any(|&byte| byte == 0)
 }
 
-/// Places of vertices, and triangles of them.
+/// Vertex positions and triangles.
 type Contents = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
-/// [`weld`]; progress is that of looking corners up, as a share of the file.
+/// Calls [`weld`] and reports its progress as a share of the file.
 fn weld_corners(
     count: usize,
     corner: impl Fn(usize) -> [f32; 3] + Sync,
@@ -148,7 +148,7 @@ fn read_binary(
 
 fn read_ascii(bytes: &[u8], reading: &MeshReading<'_>, report: &mut MeshReport) -> Result<Contents, Failure> {
     let mut is_open = false;
-    // Corners of all loops, and which of them each loop has.
+    // Corners of all loops, and the range of each loop.
     let mut corners: Vec<[f32; 3]> = Vec::new();
     let mut loops: Vec<Range<usize>> = Vec::new();
     let mut start = 0;
@@ -211,12 +211,12 @@ mod tests {
         parse_stl(bytes, &MeshReading::ALL)
     }
 
-    /// A tetrahedron, its triangles by their corners.
+    /// A tetrahedron as triangles with their corners.
     const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
 
     fn binary() -> Vec<u8> {
-        // Begins as ascii files do, which many programs write.
+        // It begins like an ascii file, as the output of many programs does.
         let mut bytes = b"solid binary".to_vec();
         bytes.resize(80, b' ');
         bytes.extend((FACES.len() as u32).to_le_bytes());
@@ -269,7 +269,7 @@ mod tests {
         .unwrap_err();
         assert_eq!(place, MeshPlace::Line(4));
         assert!(problem.contains("`x`") && problem.contains("y of the vertex"), "{problem}");
-        // Four billion triangles in a hundred bytes.
+        // Declares four billion triangles in a hundred bytes.
         let mut bytes = vec![0; 100];
         bytes[80..84].fill(0xff);
         assert!(parse(&bytes).unwrap_err().1.contains("missing"));

@@ -1,8 +1,9 @@
-//! Keys and types under the names that other renderers give them, for messages: what they are called here.
+//! Keys and types that other renderers name differently, so that a message can give the name used here.
 
-/// Names of others, in small letters and with dashes, and the names here, of which the first that the place knows is meant.
+/// Names in other renderers, in lower case with dashes, and the names used here. The first one that is valid at the place is
+/// meant.
 const SYNONYMS: &[(&str, &[&str])] = &[
-    // What surfaces are made of.
+    // Materials.
     ("color", &["colour", "reflectance", "diffuse", "radiance", "irradiance", "intensity"]),
     ("colour", &["reflectance", "diffuse", "radiance", "irradiance", "intensity"]),
     ("rgb", &["colour", "reflectance", "diffuse", "radiance", "irradiance", "intensity"]),
@@ -38,7 +39,7 @@ const SYNONYMS: &[(&str, &[&str])] = &[
     ("sun", &["directional", "sky"]),
     ("hdri", &["environment", "image"]),
     ("cone-angle", &["outer-angle"]),
-    // Places and shapes.
+    // Placement and shapes.
     ("location", &["position", "eye", "center", "corner"]),
     ("origin", &["eye", "position", "center", "corner"]),
     ("translate", &["transform"]),
@@ -77,9 +78,9 @@ const SYNONYMS: &[(&str, &[&str])] = &[
     ("depth", &["max-depth"]),
 ];
 
-/// What a name of others is called among `known`, where it is there.
+/// The name in `known` that other renderers call `name`, if there is one.
 pub(super) fn synonym<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    /// Longer ones are none of these.
+    /// No synonym is longer.
     const LONGEST: usize = 32;
     if name.len() > LONGEST {
         return None;
@@ -106,7 +107,7 @@ mod tests {
         assert_eq!(synonym("glass", lambert), None);
     }
 
-    /// No name is here twice, and none means itself.
+    /// No name occurs twice, and none maps to itself.
     #[test]
     fn each_name_has_one_line() {
         let mut names: Vec<&str> = SYNONYMS.iter().map(|(name, _)| *name).collect();

@@ -1,4 +1,4 @@
-//! Corners at the same place become one vertex, on all threads.
+//! Merges corners at the same position into one vertex, on all threads.
 
 use super::keyed::Keyed;
 use rayon::prelude::*;
@@ -6,27 +6,28 @@ use std::collections::HashMap;
 use std::hash::BuildHasher;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Parts of space by hash, each of which one thread at a time takes: tables small enough for a processor's cache.
+/// Number of shards, the parts of space by hash. One thread at a time works on a shard, so that its table fits into a processor's
+/// cache.
 const SHARDS: usize = 64;
 
-/// Corners that a thread takes at once.
+/// Corners that a thread takes at a time.
 const BLOCK: usize = 1 << 18;
 
-/// Vertices, and the number of the vertex at each corner.
+/// Vertices, and the vertex number of each corner.
 #[derive(Debug, PartialEq)]
 pub(super) struct Welded {
     pub positions: Vec<[f32; 3]>,
     pub numbers: Vec<u32>,
 }
 
-/// Both zeros are one place; values that are not numbers are equal where their bits are.
+/// Positive and negative zero are the same position; NaNs are equal where their bits are.
 fn key(position: [f32; 3]) -> (u64, u32) {
     let [x, y, z] = position.map(|x| (x + 0.0).to_bits());
     (u64::from(x) << 32 | u64::from(y), z)
 }
 
-/// Numbers vertices in the order in which corners come to them first, however many threads there are. `done` hears how many
-/// corners have been looked up, each twice, and its error ends it. At most `u32::MAX` corners.
+/// Numbers the vertices in order of first use by a corner, for any number of threads. `done` hears how many corners have been
+/// looked up (each is looked up twice), and its error ends the work. At most `u32::MAX` corners.
 pub(super) fn weld<E: Send>(
     count: usize,
     corner: impl Fn(usize) -> [f32; 3] + Sync,
@@ -35,14 +36,14 @@ pub(super) fn weld<E: Send>(
     debug_assert!(count <= u32::MAX as usize);
     let hash = Keyed::default();
     let blocks: Vec<_> = (0..count).step_by(BLOCK).map(|from| from..count.min(from + BLOCK)).collect();
-    // Each block's corners by shard, in order.
+    // The corners of each block by shard, in order.
     let sorted: Vec<Vec<Vec<u32>>> = blocks
         .par_iter()
         .map(|block| {
             let capacity = block.len() / SHARDS * 5 / 4;
             let mut shards: Vec<_> = (0..SHARDS).map(|_| Vec::with_capacity(capacity)).collect();
             for index in block.clone() {
-                // Not the bits that tables use.
+                // Bits that the hash tables do not use.
                 let shard = (hash.hash_one(key(corner(index))) >> 32) as usize % SHARDS;
                 shards[shard].push(index as u32);
             }
@@ -50,7 +51,7 @@ pub(super) fn weld<E: Send>(
             Ok(shards)
         })
         .collect::<Result<_, E>>()?;
-    // For each corner the first at its place.
+    // For each corner the first corner at the same position.
     let firsts: Vec<AtomicU32> = (0..count).into_par_iter().map(|_| AtomicU32::new(0)).collect();
     (0..SHARDS).into_par_iter().try_for_each(|shard| {
         let mut places = HashMap::with_hasher(hash);
@@ -68,7 +69,7 @@ pub(super) fn weld<E: Send>(
     let is_first = |index: usize| firsts[index] as usize == index;
     let counts: Vec<usize> =
         blocks.par_iter().map(|block| block.clone().filter(|&index| is_first(index)).count()).collect();
-    // Numbers of the first corners, block by block from the sum of those before.
+    // Vertex numbers of the first corners: each block starts at the sum of the blocks before it.
     let sums = counts.iter().scan(0, |sum, count| {
         let before = *sum;
         *sum += count;
@@ -96,7 +97,7 @@ mod tests {
     fn numbers_are_those_of_one_after_the_other() {
         for count in [0, 1, 5, BLOCK, 2 * BLOCK + 77] {
             let mut rng = Rng::new(1, Stream::Measure, count as u64);
-            // Nine in ten places come more than once; zeros have either sign.
+            // Nine in ten positions repeat; zeros have either sign.
             let mut axis =
                 || (rng.next_f64() * 41.0).floor() as f32 * if rng.next_f64() < 0.5 { -0.0 } else { 1.0 };
             let corners: Vec<[f32; 3]> = (0..count).map(|_| [axis(), axis(), axis()]).collect();

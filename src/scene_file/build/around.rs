@@ -1,5 +1,5 @@
-//! Scenes that are placed around a mesh: the mesh keeps the lengths and the place of its file, and everything else goes where
-//! a fit would have brought the mesh to it.
+//! Scenes that are placed around a mesh. The mesh keeps the lengths and the place of its file, and everything else moves by the
+//! inverse of the fit.
 
 use super::place::{choose_normals, similarity};
 use super::{BuildError, BuildProblem, begin_reading, error_of};
@@ -15,13 +15,13 @@ use crate::scene_file::{MeshReading, read_mesh_file_with};
 use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
 
-/// Sizes in metres of what people model; beyond them another unit is likely.
+/// Plausible sizes of models in metres; outside this range the file probably has another unit.
 const PLAIN: std::ops::RangeInclusive<f64> = 0.02..=100.0;
 
-/// Meshes that were read already, by shape.
+/// Meshes that are already read, by the number of their shape.
 pub(super) type Ready = BTreeMap<usize, (TriangleMesh, MeshReport)>;
 
-/// The fit of a shape that moves the scene.
+/// The fit of a shape that moves the scene, if it has one.
 fn moving(shape: &Named<ShapeDescription>) -> Option<(FitDescription, Choice)> {
     match &shape.value.geometry {
         GeometryDescription::MeshFile { fit: Some(fit), .. } => match fit.moves {
@@ -32,8 +32,8 @@ fn moving(shape: &Named<ShapeDescription>) -> Option<(FitDescription, Choice)> {
     }
 }
 
-/// Places the scene around the mesh that asks for it, if one does. `original` is the description as the file has it, `taken` the
-/// same with meshes taken apart, and by shape of that which shape of the original it comes from.
+/// Places the scene around the mesh that asks for it, if any. `original` is the description of the file. `taken` is the
+/// description with meshes split into their parts, and for each of its shapes the number of the original shape.
 pub(super) fn settle(
     original: &SceneDescription,
     taken: Option<(SceneDescription, Vec<usize>)>,
@@ -69,7 +69,7 @@ pub(super) fn settle(
         GeometryDescription::MeshFile { path, .. } => (path.clone(), BuildProblem::Fit(path.clone())),
         _ => return Ok((Some(scene), ready)),
     };
-    // Bounds in the file's own space decide, as for every fit; what a transform of the shape does comes after.
+    // The bounds in the file's own space decide, as for every fit; the shape's transform is applied afterwards.
     let own = shape.value.transform;
     let in_file = triangles_of(&scene, &ready, &is_own).under(&own.inverse());
     let file = in_file.bounds();
@@ -117,19 +117,19 @@ pub(super) fn settle(
     scene
         .notes
         .extend(notes.into_iter().map(|message| SceneWarning { location: shape.location.clone(), message }));
-    // What was read is numbered as the shapes that are left.
+    // Meshes that were read are numbered like the shapes that remain.
     Ok((Some(scene), ready))
 }
 
-/// A length in four digits.
+/// A length rounded to four digits.
 fn rounded(length: f64) -> f64 {
     let step = 10f64.powf((length.abs().max(f64::MIN_POSITIVE)).log10().floor() - 3.0);
     let digits = (length / step).round();
-    // Divided by a whole number where that is exact in decimal.
+    // Dividing by a whole number keeps the result exact in decimal.
     if step < 1.0 { digits / (1.0 / step).round() } else { digits * step }
 }
 
-/// The triangles of the shapes for which `is_own` holds.
+/// The triangles of the shapes selected by `is_own`.
 fn triangles_of<'a>(
     scene: &'a SceneDescription,
     ready: &'a Ready,
@@ -152,13 +152,13 @@ fn triangles_of<'a>(
     Triangles::new(placed)
 }
 
-/// Turns the scene to what a room needs: its camera and light, and nothing around it.
+/// Reduces the scene to a room: its camera and light, without any surroundings.
 fn show_room(scene: &mut SceneDescription, room: &Room, model: &Model, kept: &mut Vec<bool>) {
     let location = scene.location.clone();
     scene.camera = Some(room.camera.clone());
     scene.lights.clear();
     scene.light_photons.clear();
-    // Others keep their numbers, so that what was read keeps its shape: they lose what they show.
+    // The other shapes keep their numbers, so that meshes already read still match their shapes; they are hidden instead.
     let hidden = scene.groups.len();
     let mut is_hidden = false;
     for (shape, kept) in scene.shapes.iter_mut().zip(kept.iter()) {
@@ -179,7 +179,7 @@ fn show_room(scene: &mut SceneDescription, room: &Room, model: &Model, kept: &mu
     kept.resize(scene.shapes.len(), false);
 }
 
-/// Takes camera, lights and all shapes but those that are kept along a similarity that scales by `scale`.
+/// Applies a similarity with the factor `scale` to the camera, the lights and all shapes except those in `kept`.
 fn move_scene(scene: &mut SceneDescription, by: &DAffine3, scale: f64, kept: &[bool]) {
     let point = |p: DVec3| by.transform_point3(p);
     let vector = |v: DVec3| by.transform_vector3(v) / scale;
@@ -223,7 +223,7 @@ fn move_scene(scene: &mut SceneDescription, by: &DAffine3, scale: f64, kept: &[b
                     ProfileBrightness::Power(power) => ProfileBrightness::Power(power * area),
                 };
             }
-            // They have no place, and stay as they are turned.
+            // These lights have no position, and their orientation stays.
             LightDescription::Environment { .. }
             | LightDescription::EnvironmentMap { .. }
             | LightDescription::Sky { .. } => {}

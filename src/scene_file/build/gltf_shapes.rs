@@ -1,4 +1,4 @@
-//! Shapes whose file is glTF: each primitive becomes a shape of its own, as if it stood in the scene file.
+//! Shapes whose file is glTF: each primitive becomes a separate shape, as if the scene file listed it.
 
 use super::{BuildError, BuildProblem, error_of};
 use crate::math::Bounds3;
@@ -11,7 +11,7 @@ use crate::scene_file::mesh::TriangleMesh;
 use glam::DAffine3;
 use std::sync::Arc;
 
-/// Whether the shape is made of a glTF file.
+/// Whether the geometry of the shape is a glTF file.
 pub(super) fn is_gltf(shape: &Named<ShapeDescription>) -> bool {
     matches!(&shape.value.geometry, GeometryDescription::MeshFile { path, .. } if is_gltf_file(path))
 }
@@ -54,7 +54,7 @@ pub(super) fn with_normals(mesh: &Arc<TriangleMesh>, normals: MeshNormals) -> Ar
     }
 }
 
-/// Adds the shapes of the file in the place of `shape`, with the file's materials and media where those are wanted.
+/// Replaces `shape` by the shapes of its file, with the file's materials and media where these are wanted.
 pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>) -> Result<(), BuildError> {
     let GeometryDescription::MeshFile { path, normals, own_materials, fit } = &shape.value.geometry else {
         return Ok(());
@@ -78,7 +78,7 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
     let above = shape.value.transform * before;
     let (first_material, first_group) = (taken.materials.len(), taken.groups.len());
     if *own_materials {
-        // Of media the first is air, everywhere.
+        // The first medium is air in every description.
         let first_medium = taken.media.len() - 1;
         let moved = |medium: usize| if medium == 0 { 0 } else { medium + first_medium };
         taken.media.extend(model.media.iter().skip(1).cloned());
@@ -89,7 +89,7 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
             material
         }));
     }
-    // What belongs to a group already cannot be grouped again: its meshes stand for themselves.
+    // A shape that belongs to a group cannot be grouped again: its meshes are added individually.
     let is_grouped = shape.value.group.is_some();
     if !is_grouped {
         taken.groups.extend(model.groups.iter().cloned());

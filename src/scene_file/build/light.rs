@@ -1,4 +1,4 @@
-//! Lights without a surface: their files read, then scaled to render space.
+//! Lights without a surface: reads their files and scales them to render space.
 
 use super::BuildProblem;
 use crate::image_io::Layer;
@@ -16,13 +16,13 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most values of a picture of medium_stack, at 24 bytes of memory for each pixel: 8192 by 4096 pixels of four.
+/// Most values of an environment map, at 24 bytes of memory for each pixel: 8192 by 4096 pixels of four values.
 const MOST_VALUES: u64 = 1 << 27;
 
-/// Rows of the table of a sky.
+/// Rows of the table that holds a sky.
 const SKY_ROWS: usize = 512;
 
-/// A light with everything that it is read from; metres and watts.
+/// A light with the data of its files; metres and watts.
 #[derive(Debug)]
 pub(super) enum LightSource {
     Point {
@@ -42,7 +42,7 @@ pub(super) enum LightSource {
         axes: Option<DMat3>,
         factor: DVec3,
     },
-    /// `sun`: towards it, and its irradiance.
+    /// `sun`: direction towards the sun, and its irradiance.
     Sky {
         map: Arc<EnvironmentMap>,
         axes: Option<DMat3>,
@@ -65,7 +65,7 @@ pub(super) enum LightSource {
 }
 
 impl LightSource {
-    /// The light of a description, and what a user should know.
+    /// Reads the light of a description, with warnings for the user.
     pub(super) fn read(light: &LightDescription) -> Result<(Self, Vec<String>), BuildProblem> {
         let mut findings = Vec::new();
         let source = match *light {
@@ -122,7 +122,7 @@ impl LightSource {
         }
     }
 
-    /// What it is in render space: one light, or those of a sky, with what is added to its name.
+    /// The light in render space: one light, or those of a sky, each with a suffix for its name.
     pub(super) fn lights(&self, space: &RenderSpace) -> Vec<(&'static str, Light)> {
         let scaled = |colour: DVec3| (colour * space.power).as_vec3();
         let of_point = |colour: DVec3| scaled(colour * (space.scale * space.scale));
@@ -169,7 +169,7 @@ impl LightSource {
     }
 }
 
-/// A picture in longitude and latitude: that without a name, or the only one.
+/// An image in longitude and latitude: the unnamed layer, or the only one.
 fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, BuildProblem> {
     let refuse = |why| BuildProblem::NoLight { path: path.to_path_buf(), why };
     let image = read_picture(path, MOST_VALUES)?;
@@ -208,7 +208,7 @@ fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, B
     })
 }
 
-/// Linear colours of the pixels; `None` where the channels are none.
+/// Linear colours of the pixels; `None` where the channels are not colours.
 fn colours(layer: &Layer) -> Option<Vec<Rgb>> {
     let count = layer.channels.len();
     let channel = |name: &str| layer.channel_index(name);

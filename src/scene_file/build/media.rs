@@ -1,4 +1,4 @@
-//! Media, and which of them fills a place where bodies overlap.
+//! Media of a scene, and the order that decides which of them fills a place where bodies overlap.
 
 use super::super::description::{
     MaterialDescription, MediumDescription, Named, SceneDescription, VolumeDescription,
@@ -9,7 +9,7 @@ use crate::scene::RenderSpace;
 use std::cmp::Reverse;
 use std::sync::Arc;
 
-/// The media of a scene, whose shapes are `placed` there (by number, with their bounds).
+/// The media of a scene with shapes `placed` there (number and bounds of each).
 pub(super) fn media(
     description: &SceneDescription,
     space: &RenderSpace,
@@ -26,19 +26,19 @@ pub(super) fn media(
     description.media.iter().zip(ranks).map(medium).collect()
 }
 
-/// A volume with its coefficients per unit of render space, and its emission in the units of radiance there.
+/// A volume with coefficients per unit of render space, and with its emission in render units of radiance.
 fn in_render_space(volume: &VolumeDescription, space: &RenderSpace) -> Volume {
     let metres = (1.0 / space.scale) as f32;
     let coefficients = volume.coefficients;
-    // Scene files hold coefficients that no scale takes out of range.
+    // The scene reader has checked the coefficients, so scaling keeps them in range.
     let scaled = coefficients
         .with_emission(coefficients.emission() * space.power as f32)
         .and_then(|coefficients| coefficients.per_length(metres));
     Volume::homogeneous(scaled.unwrap_or(coefficients), volume.phase)
 }
 
-/// The place of each medium in the order in which they displace each other: by the priority that the scene gives, then the
-/// smaller body in the larger one (ice in a drink, the drink in its glass), then by the order of the file.
+/// Rank of each medium where bodies overlap: by the priority in the scene, then the smaller body before the larger one (ice
+/// before the drink, the drink before its glass), then by the order of the file.
 fn ranks(description: &SceneDescription, placed: &[(usize, Bounds3)]) -> Vec<u32> {
     let media = &description.media;
     let mut largest = vec![0.0f64; media.len()];

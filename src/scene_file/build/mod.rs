@@ -1,4 +1,4 @@
-//! From a description to a scene: everything recentred and scaled in `f64`, then rounded once.
+//! Builds a scene from its description. Coordinates are recentred and scaled in `f64`, then rounded to `f32` once.
 
 mod around;
 mod gltf_shapes;
@@ -36,20 +36,20 @@ use glam::{DAffine3, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A scene and a camera, and what was odd on the way.
+/// A built scene with its camera, and the warnings of building it.
 #[derive(Debug)]
 pub struct BuiltScene {
     /// The scene.
     pub scene: Scene,
-    /// The camera, for the picture's proportions that were asked for.
+    /// The camera, for the requested aspect ratio.
     pub camera: Camera,
-    /// What the camera was made of: that of the description, or one that was framed.
+    /// The description of the camera: that of the scene, or one that was framed around it.
     pub view: CameraDescription,
-    /// The film of the description, with what building it decided.
+    /// The film of the description, completed by what building decided.
     pub film: FilmDescription,
-    /// Things a user should know.
+    /// Warnings for the user.
     pub warnings: Vec<SceneWarning>,
-    /// What was guessed, and how to have it otherwise.
+    /// Values that were guessed, and how to choose others.
     pub notes: Vec<SceneWarning>,
 }
 
@@ -65,98 +65,98 @@ pub struct BuildError {
     pub problem: BuildProblem,
 }
 
-/// What can be wrong with an object.
+/// A problem of an object.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildProblem {
-    /// Its mesh file.
+    /// The mesh file cannot be read.
     #[error(transparent)]
     MeshFile(#[from] MeshFileError),
-    /// Its glTF file.
+    /// The glTF file cannot be read.
     #[error(transparent)]
     Gltf(#[from] Box<GltfError>),
-    /// Its mesh cannot be fitted.
+    /// The mesh has no extent to fit.
     #[error(
         "{}: no triangles with an extent: the mesh is empty, damaged, or of points and lines alone; name one with faces",
         .0.display()
     )]
     Fit(PathBuf),
-    /// Its file has no faces.
+    /// The file has no faces.
     #[error("{}: {}", .0.display(), .1.explanation())]
     Cloud(PathBuf, Cloud),
-    /// Its triangles.
+    /// The triangles are refused.
     #[error(transparent)]
     Triangles(#[from] TriangleError),
-    /// A scene that cannot be placed around it.
+    /// The scene cannot be placed around the mesh.
     #[error(
         "its `fit` moves the scene, and its transform scales differently along different axes; leave that out"
     )]
     Around,
-    /// Its numbers, once placed.
+    /// The numbers of the placed shape are out of range.
     #[error("{0} (after its transform)")]
     Shape(#[from] ShapeError),
-    /// An emitter under a transform that its sampling does not cover.
+    /// An emitter under a transform that its sampling does not support.
     #[error(
         "emits and is scaled differently along different axes, which light sampling does not cover; use a mesh for this \
          emitter, or scale it equally"
     )]
     NotSimilar,
-    /// An emitter of which nothing is left.
+    /// An emitter of which no area is left.
     #[error(
         "emits, but none of its {0} triangle(s) has an area that single precision can tell; is its scale or its unit right, \
          or does something else lie very far away?"
     )]
     NoEmitter(usize),
-    /// An emitter whose area cannot be summed up.
+    /// An emitter whose area is zero or overflows.
     #[error("emits, but the area of its surface is zero or beyond what can be computed; check its scale")]
     EmitterArea,
-    /// An illumination map where there can be none.
+    /// An illumination map on a shape that cannot have one.
     #[error("cannot have an illumination map: {0}; leave `illumination-map` out, and its photons are kept")]
     Illumination(&'static str),
-    /// More media than rays can tell apart.
+    /// More media than rays can distinguish.
     #[error("{0} media, of which at most {MOST_MEDIA_OF_SCENE} can be told apart; let bodies share theirs")]
     Media(usize),
-    /// Embree.
+    /// An error of Embree.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
     /// A transform that cannot be inverted.
     #[error("its transform flattens everything; give it a scale that is not zero")]
     Singular,
-    /// The picture of an environment.
+    /// The environment map cannot be read.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// A file that gives no light.
+    /// A file from which no light can be made.
     #[error("{}: {why}", .path.display())]
     NoLight {
         /// The file.
         path: PathBuf,
-        /// Why not, and what to do.
+        /// The reason, and what to do.
         why: &'static str,
     },
-    /// The photometric file of a light.
+    /// The photometric file of a light cannot be read.
     #[error(transparent)]
     Ies(#[from] IesError),
-    /// Numbers of a sky that its model does not cover.
+    /// Parameters of a sky outside the range of its model.
     #[error("its sun is not above the horizon, or its turbidity or albedo is out of range")]
     Sky,
-    /// Nothing to look at.
+    /// The camera's position, target and up direction define no view.
     #[error("the camera's position and target coincide, or its up direction is parallel to the view")]
     Camera,
-    /// A camera that is missing.
+    /// No camera, and no shape to frame one around.
     #[error("has no camera and no shape that one could be framed around; add a [camera] table")]
     NoCamera,
-    /// Coordinates beyond what can be scaled.
+    /// Coordinates too large to scale.
     #[error("the extent of the scene is not finite; a coordinate is too large")]
     Extent,
 }
 
-/// Faces with corners so far from the scene's centre, in radii, lose digits that matter.
+/// Distance of the camera from the scene's centre, in radii of the scene, beyond which faces lose significant digits.
 const FAR_CAMERA: f64 = 1e5;
 
-/// What is less than so many steps of single precision across has lost a thousandth of its size to rounding.
+/// Extent, in steps of single precision, below which rounding changes the size by more than a thousandth.
 const FEW_STEPS: f64 = 1024.0;
 
-/// How many steps between neighbouring numbers of single precision fit into the extent of `bounds`, where space has its
-/// origin at `center`. Infinite for what has no extent.
+/// Number of steps between neighbouring single-precision numbers across the extent of `bounds`, in a space with its origin at
+/// `center`. Infinite for bounds without extent.
 fn steps_across(bounds: &Bounds3, center: DVec3) -> f64 {
     let extent = 2.0 * bounds.radius();
     if bounds.is_empty() || extent <= 0.0 {
@@ -166,9 +166,8 @@ fn steps_across(bounds: &Bounds3, center: DVec3) -> f64 {
     extent / (farthest * f64::from(f32::EPSILON))
 }
 
-/// Where the origin of render space is best: at the middle of the scene, unless that leaves something coarse
-/// ([`steps_across`]); then at the middle of the coarsest thing, where numbers are finest. No other coordinate is
-/// more than doubled by that.
+/// Best origin for render space: the middle of the scene, unless something would be coarse there ([`steps_across`]). Then it is
+/// the middle of the coarsest object, where numbers are finest; no other coordinate is more than doubled by that.
 fn choose_center(bounds: &Bounds3, placed: &[(usize, Bounds3)]) -> DVec3 {
     let center = bounds.center();
     let coarsest = placed
@@ -182,7 +181,7 @@ fn choose_center(bounds: &Bounds3, placed: &[(usize, Bounds3)]) -> DVec3 {
 /// Builds the scene for a picture of `width` by `height` pixels.
 ///
 /// # Errors
-/// Where a mesh cannot be read, a shape has no extent, or Embree runs out of memory; with place, object and remedy.
+/// Where a mesh cannot be read, a shape has no extent, or Embree runs out of memory. The error gives place, object and remedy.
 pub fn build_scene(
     description: &SceneDescription,
     device: &Arc<Device>,
@@ -191,7 +190,7 @@ pub fn build_scene(
     build_scene_watched(description, device, size, &Silent)
 }
 
-/// [`build_scene`], followed by somebody who is told of each file and of Embree's work, and who may stop it: what is under way
+/// [`build_scene`] with an observer that hears of each file and of Embree's progress, and that may cancel: the work under way
 /// then ends with some error.
 ///
 /// # Errors
@@ -247,7 +246,7 @@ pub fn build_scene_watched(
     Ok(BuiltScene { scene, camera, view, film, warnings: builder.warnings, notes })
 }
 
-/// Tells that a mesh file is read.
+/// Reports that a mesh file is being read.
 fn begin_reading(observer: &dyn Observer, path: &Path) {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     observer.begin(&format!("reading {name}"), std::fs::metadata(path).map_or(1, |file| file.len()));
@@ -257,21 +256,21 @@ fn whole(description: &SceneDescription, problem: BuildProblem) -> BuildError {
     BuildError { location: description.location.clone(), object: "the scene".into(), problem }
 }
 
-/// Shapes as read, before it is known where render space is.
+/// The shapes as read, before render space is chosen.
 struct Builder<'a> {
     description: &'a SceneDescription,
-    /// By shape: what was read, and its placement in the world or its group.
+    /// For each shape: its source, and its placement in the world or its group.
     sources: Vec<(Source, DAffine3)>,
-    /// By material.
+    /// For each material: its specularity.
     specularities: Vec<f32>,
-    /// By light.
+    /// For each light without a surface: its source.
     lights: Vec<LightSource>,
     warnings: Vec<SceneWarning>,
     /// Width of a pixel at distance 1.
     pixel: f32,
 }
 
-/// A light on a surface, its radiance not yet scaled.
+/// A light on a surface whose radiance is not scaled yet.
 struct Emitter {
     /// Index of the description's shape.
     shape: usize,
@@ -281,7 +280,7 @@ struct Emitter {
     flip: bool,
 }
 
-/// What the top-level scene consists of.
+/// The parts of the top-level scene.
 #[derive(Default)]
 struct Assembly {
     nodes: Vec<Node>,
@@ -292,7 +291,7 @@ struct Assembly {
 }
 
 impl<'a> Builder<'a> {
-    /// Reads all files, but for meshes that are `ready`.
+    /// Reads all files, except meshes that are `ready`.
     fn read(
         description: &'a SceneDescription,
         mut ready: Ready,
@@ -348,8 +347,8 @@ impl<'a> Builder<'a> {
         Ok(Self { description, sources, specularities, lights, warnings, pixel: 0.0 })
     }
 
-    /// Each placement of each shape: its index, and from its own space to the world. Shapes of groups come once for
-    /// each instance.
+    /// Every placement of every shape: its index, and the transform from its own space to the world. A shape of a group occurs
+    /// once for each instance.
     fn placements(&self) -> impl Iterator<Item = (usize, DAffine3, Option<usize>)> + '_ {
         let shapes = self.description.shapes.iter().enumerate();
         shapes.flat_map(move |(index, shape)| {
@@ -363,14 +362,14 @@ impl<'a> Builder<'a> {
         })
     }
 
-    /// Shape and bounds in the world of each placement.
+    /// Shape and world bounds of each placement.
     fn placed_bounds(&self) -> Vec<(usize, Bounds3)> {
         self.placements()
             .map(|(index, transform, _)| (index, self.sources[index].0.bounds(&transform)))
             .collect()
     }
 
-    /// Warns of what is so small where it stands that rounding shows.
+    /// Warns about objects so small at their place that rounding shows.
     fn warn_of_coarse_positions(&mut self, center: DVec3, placed: &[(usize, Bounds3)]) {
         let mut coarse = vec![f64::INFINITY; self.description.shapes.len()];
         for &(index, ref bounds) in placed {
@@ -392,7 +391,7 @@ impl<'a> Builder<'a> {
         });
     }
 
-    /// Warns of a scene in which nothing shines, by the largest channel of the flux of all lights.
+    /// Warns about a scene without light. `flux` is the largest channel of the flux of all lights.
     fn warn_of_darkness(&mut self, flux: f64) {
         if flux > 0.0 {
             return;
@@ -481,7 +480,7 @@ impl<'a> Builder<'a> {
                 let reason = "it is in a group, or scaled differently along different axes";
                 return Err(error_of(shape, BuildProblem::Illumination(reason)));
             }
-            // Emitters are lights of their own wherever they stand, so they are never instanced.
+            // Emitters are separate lights at each place, so they are never instanced.
             if instance.is_some() && !emits && !source.needs_instance(&total) {
                 instanced[index] = true;
                 continue;
@@ -495,7 +494,7 @@ impl<'a> Builder<'a> {
             }
             let illumination =
                 self.illumination(index, &total).map_err(|problem| error_of(shape, problem))?;
-            // What stands in the picture once is moved there in the memory that it has.
+            // A mesh that is placed once is transformed in place, without a copy.
             let alone = if instance.is_none() { self.sources[index].0.take_mesh() } else { None };
             let placed = match alone {
                 Some((mesh, own)) => place_mesh(mesh, &own, &total, emits),
@@ -509,7 +508,7 @@ impl<'a> Builder<'a> {
             }
         }
         self.add_groups(&instanced, &to_render, device, &mut top, &mut assembly)?;
-        // In thousandths.
+        // Progress in thousandths.
         observer.begin("building the hierarchy", 1000);
         let committed = top.commit_watched(&|share| {
             observer.advance((1000.0 * share.clamp(0.0, 1.0)) as u64);
@@ -541,7 +540,7 @@ impl<'a> Builder<'a> {
                 ),
             });
         }
-        // Empty for an empty mesh alone, which was told when it was read.
+        // Empty only for an empty mesh, which was reported when it was read.
         if let Some(emission) = shape.value.emission.filter(|_| !placed.emitter.is_empty()) {
             assembly.emitters.push(Emitter { shape: index, surface, pieces: placed.emitter, emission, flip });
         }
@@ -553,7 +552,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// A shape that its transform distorts: an instance of the undistorted one.
+    /// Adds a shape that its transform distorts, as an instance of the undistorted shape.
     fn add_distorted(
         &self,
         index: usize,
@@ -565,7 +564,7 @@ impl<'a> Builder<'a> {
         let shape = &self.description.shapes[index];
         let error = |problem| error_of(shape, problem);
         let source = &self.sources[index].0;
-        // Its own space is made to fit the unit sphere too.
+        // Its own space is scaled to the unit sphere as well.
         let own = source.bounds(&DAffine3::IDENTITY);
         let local = RenderSpace::fitting(own.center(), own.radius()).to_affine();
         let placed = source.place(&local, false).map_err(error)?;
@@ -586,7 +585,7 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// Groups whose shapes are shared by their instances: one Embree scene each.
+    /// Adds groups whose shapes are shared by their instances: one Embree scene for each.
     fn add_groups(
         &self,
         instanced: &[bool],
@@ -653,7 +652,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Coordinates of shape `index` under `total`, where it is to have an illumination map.
+    /// The illumination map of shape `index` under `total`, where it is to have one.
     fn illumination(
         &self,
         index: usize,
@@ -673,7 +672,7 @@ impl<'a> Builder<'a> {
         Ok(Some(Arc::new(IlluminatedShape { charts, kernel, elements, refinement })))
     }
 
-    /// Materials of the parts of a shape; empty where all have that of the shape.
+    /// Materials of the parts of a shape; empty where all parts have the shape's material.
     fn part_materials(&self, index: usize) -> Vec<u32> {
         let shape = &self.description.shapes[index].value;
         match &shape.geometry {
@@ -684,7 +683,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// The sphere and the box around shape `index` as what photons are aimed at. What casts caustics is up to the materials.
+    /// Bounding sphere and box of shape `index` as a target for photons. Its material decides whether it is a caustic caster.
     fn target(
         &self,
         index: usize,
@@ -698,7 +697,7 @@ impl<'a> Builder<'a> {
             parts.chain([shape.material]).map(|material| self.specularities[material]).fold(0.0, f32::max);
         Target {
             center: center.as_vec3(),
-            // Rounding of centre and radius must not let the shape out.
+            // Rounding of centre and radius must not leave part of the shape outside.
             radius: (radius * (1.0 + 1e-5) + 1e-7 * center.length()) as f32,
             density: specularity * shape.caustic_photons as f32,
             surface: surface as u32,
@@ -725,7 +724,7 @@ impl Assembly {
         total.max_element()
     }
 
-    /// One light for each emitter, in their order, then those without a surface.
+    /// The lights of the scene: one for each emitter, in their order, then those without a surface.
     fn lights(
         &self,
         description: &SceneDescription,
@@ -803,7 +802,7 @@ fn material_of(description: &SceneDescription, material: &MaterialDescription) -
     }
 }
 
-/// Textures of each material; none at all where no material has one.
+/// Textures of each material; an empty list where no material has one.
 fn textures(description: &SceneDescription) -> Vec<MaterialTexture> {
     let texture = |index: usize| description.textures[index].value;
     let look_of = |index: usize| description.looks.get(index).copied().unwrap_or_default();
@@ -819,11 +818,11 @@ fn textures(description: &SceneDescription) -> Vec<MaterialTexture> {
     if textures.iter().all(MaterialTexture::is_plain) { Vec::new() } else { textures }
 }
 
-/// A camera that looks at the whole scene from above and in front.
+/// A camera that sees the whole scene from above and in front.
 fn framing(bounds: &Bounds3, aspect: f64, location: &Location) -> CameraDescription {
     const FOV: f64 = 35.0;
     let half = (0.5 * FOV).to_radians();
-    // The sphere around the scene fills the smaller side of the picture.
+    // The sphere around the scene fills the shorter side of the picture.
     let narrower = if aspect < 1.0 { (half.tan() * aspect).atan() } else { half };
     let distance = (bounds.radius() / narrower.sin()).max(f64::MIN_POSITIVE);
     let from = DVec3::new(0.45, 0.35, 1.0).normalize_or_zero();

@@ -1,4 +1,4 @@
-//! Meshes that bring their materials: each material's faces become a shape of their own.
+//! Meshes with materials of their own: the faces of each material become a separate shape.
 
 use super::{BuildError, BuildProblem, begin_reading, error_of, gltf_shapes};
 use crate::bsdf::{Bsdf, Form, LayeredParameters, Ward};
@@ -25,7 +25,8 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The description with such meshes taken apart, and by shape of that which shape it comes from; `None` where there are none.
+/// Splits such meshes into shapes, one for each material. Yields the new description, and for each of its shapes the number of
+/// the original shape; `None` where there are no such meshes.
 pub(super) fn take_apart(
     description: &SceneDescription,
     observer: &dyn Observer,
@@ -70,14 +71,14 @@ pub(super) fn take_apart(
     Ok(Some((taken, origins)))
 }
 
-/// Files that say what their surfaces look like.
+/// Kinds of mesh files that define the look of their surfaces.
 #[derive(Clone, Copy)]
 enum OwnLook {
     Obj,
     Ply,
 }
 
-/// The kind of file where the shape shows its look.
+/// The kind of file, where the shape uses the look of its file.
 fn own_look(shape: &Named<ShapeDescription>) -> Option<OwnLook> {
     let GeometryDescription::MeshFile { path, own_materials: true, .. } = &shape.value.geometry else {
         return None;
@@ -93,16 +94,16 @@ fn own_look(shape: &Named<ShapeDescription>) -> Option<OwnLook> {
     (has_colours || !textures.is_empty()).then_some(OwnLook::Ply)
 }
 
-/// Faces of one material.
+/// The faces of one material.
 struct Part {
-    /// What is added to the name of the shape.
+    /// Suffix for the name of the shape.
     name: Option<String>,
     mesh: TriangleMesh,
     colours: Option<Vec<Vec3>>,
     look: Option<Added>,
 }
 
-/// What happened on the way, as warnings at the shape.
+/// Adds messages as warnings at the shape.
 fn tell(taken: &mut SceneDescription, shape: &Named<ShapeDescription>, messages: Vec<String>) {
     let warning = |message| SceneWarning {
         location: shape.location.clone(),
@@ -136,7 +137,7 @@ fn obj_parts(
     Ok(obj.into_meshes().into_iter().map(part).collect())
 }
 
-/// A file without faces that is to be fitted has nothing that could be.
+/// Refuses a file without faces, which has no extent to fit.
 fn no_cloud(shape: &Named<ShapeDescription>, path: &Path, report: &MeshReport) -> Result<(), BuildProblem> {
     match (report.cloud, &shape.value.geometry) {
         (Some(cloud), GeometryDescription::MeshFile { fit: Some(_), .. }) => {
@@ -185,7 +186,7 @@ fn ply_parts(
             }
         });
     }
-    // Triangles by picture, in the order in which they come.
+    // Triangles by picture, in order of first use.
     let mut by_picture: Vec<(usize, Vec<[u32; 3]>)> = Vec::new();
     match triangle_textures {
         Some(numbers) if pictures.len() > 1 => {
@@ -242,13 +243,13 @@ fn ply_parts(
     Ok(parts)
 }
 
-/// A material of a file, and the folder that its pictures are in.
+/// A material of a file, and the folder of its pictures.
 struct Found {
     material: MtlMaterial,
     folder: PathBuf,
 }
 
-/// The materials of the files that the mesh names; what cannot be read is told.
+/// The materials of the files that the mesh names; files that cannot be read are reported.
 fn materials_of(
     libraries: &[(PathBuf, usize)],
     path: &Path,
@@ -288,9 +289,9 @@ fn materials_of(
     found
 }
 
-/// Tells what of a file of materials is not read, or is taken otherwise than it says.
+/// Reports statements of a material file that are not read, or that are interpreted differently.
 fn tell_unread(file: &Path, materials: &[MtlMaterial], messages: &mut Vec<String>) {
-    /// Keywords that are named.
+    /// Number of keywords that a message lists.
     const MOST_NAMED: usize = 8;
     let unread: Vec<_> = materials.iter().flat_map(|material| &material.unread).collect();
     if let Some((keyword, line)) = unread.first() {
@@ -326,7 +327,7 @@ fn tell_unread(file: &Path, materials: &[MtlMaterial], messages: &mut Vec<String
     }
 }
 
-/// What faces of a material get.
+/// The material data that faces share.
 #[derive(Clone)]
 struct Added {
     number: usize,
@@ -335,7 +336,7 @@ struct Added {
     is_coloured: bool,
 }
 
-/// Adds each material that is used, and yields their numbers by name.
+/// Adds each used material, and yields the numbers of the materials by name.
 fn add_materials(
     taken: &mut SceneDescription,
     shape: &Named<ShapeDescription>,
@@ -402,7 +403,7 @@ fn add_materials(
     added
 }
 
-/// What a material becomes.
+/// The description of a material.
 fn description_of(
     taken: &mut SceneDescription,
     shape: &Named<ShapeDescription>,
@@ -438,10 +439,10 @@ fn description_of(
     }
 }
 
-/// Pictures of a file, each read once.
+/// Pictures of a file; each is read once.
 #[derive(Default)]
 struct Pictures {
-    /// By file of the colours and of the cut-out.
+    /// By the file of the colours and the file of the cut-out.
     read: HashMap<(PathBuf, PathBuf), Option<Arc<ImageTexture>>>,
     budget: TextureBudget,
 }
@@ -500,7 +501,7 @@ impl Pictures {
     }
 }
 
-/// A picture with the alpha of another, or the red of that where it has no alpha; white where the first has no name.
+/// A picture with the alpha channel of another, or with its red channel where it has no alpha. White where `colours` is empty.
 fn cut_texture(colours: &Path, cutout: &Path) -> Result<ImageTexture, ImageError> {
     let cut = read_picture(cutout, TEXTURE_LIMIT)?;
     let has_colours = !colours.as_os_str().is_empty();
@@ -510,7 +511,7 @@ fn cut_texture(colours: &Path, cutout: &Path) -> Result<ImageTexture, ImageError
         let layer = image.layers.first();
         layer.and_then(|layer| layer.pixel(index)).unwrap_or_default().to_vec()
     };
-    // Channels of an alpha that is 1 everywhere say nothing.
+    // An alpha channel that is 1 everywhere carries no information.
     let has_alpha = cut.layers.first().is_some_and(|layer| {
         let count = layer.channels.len();
         matches!(count, 2 | 4) && layer.data.chunks_exact(count).any(|pixel| pixel[count - 1] < 1.0)
@@ -526,7 +527,7 @@ fn cut_texture(colours: &Path, cutout: &Path) -> Result<ImageTexture, ImageError
                 [grey, ..] => data.extend([*grey; 3]),
                 [] => data.extend([0.0; 3]),
             }
-            // The pixel of the other picture around the middle of this one.
+            // The pixel of the other picture at the centre of this pixel.
             let scaled = |at: u32, of: u32, to: u32| {
                 ((2 * u64::from(at) + 1) * u64::from(to) / (2 * u64::from(of))) as u32
             };
@@ -538,7 +539,7 @@ fn cut_texture(colours: &Path, cutout: &Path) -> Result<ImageTexture, ImageError
     Ok(ImageTexture::new(&image, Encoding::Srgb))
 }
 
-/// The picture of a material where faces of the part can show it, and what has to be told about it.
+/// The picture of a material if the faces of the part can show it, and a message where one is due.
 fn usable_picture<'a>(material: &'a MtlMaterial, part: &ObjPart) -> (Option<&'a MtlPicture>, Option<String>) {
     let Some(picture) = material.picture.as_ref().or(material.cutout.as_ref()) else { return (None, None) };
     match material.finish {
@@ -561,7 +562,7 @@ fn usable_picture<'a>(material: &'a MtlMaterial, part: &ObjPart) -> (Option<&'a 
     }
 }
 
-/// How a surface reads its picture: the file has v upwards, pictures are read from above.
+/// Texture slot of a picture: the file has v upwards, but pictures are read from the top.
 fn slot(picture: &MtlPicture, texture: Arc<ImageTexture>) -> TextureSlot {
     let wrap = if picture.clamped { Wrap::Clamp } else { Wrap::Repeat };
     let scale = Mat2::from_diagonal(picture.scale * Vec2::new(1.0, -1.0));
@@ -574,13 +575,13 @@ fn slot(picture: &MtlPicture, texture: Arc<ImageTexture>) -> TextureSlot {
     }
 }
 
-/// What varies over a surface.
+/// Quantities that vary over a surface.
 #[derive(Default)]
 struct Look {
     slot: Option<TextureSlot>,
-    /// Colours of vertices multiply the material.
+    /// Whether vertex colours multiply the material.
     is_coloured: bool,
-    /// The alpha of the picture is where the surface is.
+    /// Whether the picture's alpha cuts holes into the surface.
     is_cut: bool,
 }
 
@@ -596,10 +597,11 @@ impl Look {
     }
 }
 
-/// A surface with a picture or colours: diffuse, under a gloss of facets with the slope `roughness` that reflects `gloss` straight on.
+/// A surface with a picture or vertex colours: a diffuse base under a glossy layer of microfacets with the slope `roughness` and
+/// the reflectance `gloss` at normal incidence.
 fn layered(diffuse: Vec3, gloss: Vec3, roughness: f32, look: Look) -> MaterialDescription {
     let factors = LayeredParameters { base: diffuse, metallic: 0.0, ..LayeredParameters::default() };
-    // Reflectance of the index that is the default.
+    // Reflectance of the default index of refraction.
     let plain = ((factors.ior - 1.0) / (factors.ior + 1.0)).powi(2);
     let specular = if gloss == Vec3::ZERO { 0.0 } else { 1.0 };
     let material = LayeredMaterial {

@@ -1,4 +1,4 @@
-//! From a described shape to geometry in its target space: render space, or the space of a group.
+//! From a described shape to geometry in its target space, which is render space or the space of a group.
 
 use super::BuildProblem;
 use crate::embree::{Procedural, TriangleBuffers};
@@ -14,10 +14,10 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// A shape read from its file and ready to be placed. Lengths as in the description.
+/// A shape whose file is read, ready to be placed. Lengths as in the description.
 #[derive(Debug)]
 pub(super) enum Source {
-    /// With the bounds of what its triangles use.
+    /// A mesh with the bounds of the vertices that its triangles use.
     Mesh(TriangleMesh, Bounds3),
     Quad {
         corner: DVec3,
@@ -45,7 +45,7 @@ pub(super) enum Source {
         frame: DMat3,
         depth: u32,
     },
-    /// With the transform from the grid's own space.
+    /// A terrain with the transform from the grid's own space.
     Terrain {
         grid: Arc<HeightGrid>,
         transform: DAffine3,
@@ -58,18 +58,18 @@ pub(super) struct Placed {
     pub geometry: Geometry,
     /// Bounds in the target space.
     pub bounds: Bounds3,
-    /// A sphere around it, close where the shape is round.
+    /// A bounding sphere, tight where the shape is round.
     pub sphere: (DVec3, f64),
-    /// The surface's normal is the opposite of the geometry's own.
+    /// Whether the surface's normal is opposite to the geometry's own.
     pub flip: bool,
-    /// What an emitter of this shape samples, by primitive; only where asked for.
+    /// The shapes that light sampling uses, by primitive; only for emitters.
     pub emitter: Vec<EmitterShape>,
-    /// Triangles of an emitter that rounding left without area: neither light nor surface.
+    /// Number of an emitter's triangles that lost their area to rounding: neither lights nor surfaces.
     pub lost: usize,
 }
 
 impl Source {
-    /// Reads what has to be read. The transform that a fit adds is returned, to be applied first.
+    /// Reads the files of a shape. Also returns the transform of a fit, to be applied first.
     pub(super) fn read(
         description: &GeometryDescription,
         progress: &(dyn Fn(u64, u64) -> bool + Sync),
@@ -78,7 +78,7 @@ impl Source {
         let mut report = MeshReport::default();
         let source = match description {
             GeometryDescription::MeshFile { path, normals, fit, .. } => {
-                // Surfaces have no use for texture coordinates.
+                // Surfaces do not use texture coordinates.
                 let reading =
                     MeshReading { normals: normals.are_read(), uvs: false, colours: false, progress };
                 let (mut mesh, found) = read_mesh_file_with(path, &reading)?;
@@ -138,7 +138,7 @@ impl Source {
         Self::Mesh(mesh, bounds)
     }
 
-    /// Takes a mesh out of the source, which is then empty: for one that is placed once.
+    /// Takes the mesh out of the source, which is empty afterwards: for a mesh that is placed once.
     pub(super) fn take_mesh(&mut self) -> Option<(TriangleMesh, Bounds3)> {
         let empty = || TriangleMesh {
             positions: Positions::Single(Vec::new()),
@@ -154,10 +154,10 @@ impl Source {
         }
     }
 
-    /// Bounds under `transform`.
+    /// Bounds of the shape under `transform`.
     pub(super) fn bounds(&self, transform: &DAffine3) -> Bounds3 {
         match self {
-            // Rounding is monotone, so the extremes of the box are those of the corners, to the bit.
+            // Rounding is monotone, so the corners of the transformed box are the extremes, to the bit.
             Self::Mesh(_, bounds) if keeps_axes(transform) => bounds.transformed(transform),
             Self::Mesh(mesh, _) => mesh
                 .triangles
@@ -173,7 +173,7 @@ impl Source {
             }
             Self::Sphere { center, radius } => {
                 let center = transform.transform_point3(*center);
-                // Half extents of an ellipsoid: lengths of the rows of its matrix.
+                // Half extents of an ellipsoid: the lengths of its matrix's rows.
                 let rows = transform.matrix3.transpose();
                 let extent = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length());
                 let extent = extent * *radius;
@@ -204,7 +204,7 @@ impl Source {
         }
     }
 
-    /// Coordinates on the shape under `transform`, a similarity; `None` for shapes that have none.
+    /// Charts of the shape under `transform`, a similarity; `None` for shapes without charts.
     pub(super) fn charts(&self, transform: &DAffine3) -> Result<Option<Vec<Chart>>, BuildProblem> {
         let point = |p: &DVec3| transform.transform_point3(*p);
         let vector = |v: &DVec3| transform.transform_vector3(*v);
@@ -226,11 +226,11 @@ impl Source {
         Ok(Some(vec![chart?]))
     }
 
-    /// True where `transform` turns the shape into another that has no exact intersection here: a sphere into an
-    /// ellipsoid. Such shapes stand as instances.
+    /// Whether `transform` turns the shape into one that has no exact intersection here, such as a sphere into an ellipsoid. Such
+    /// shapes become instances.
     pub(super) fn needs_instance(&self, transform: &DAffine3) -> bool {
         match self {
-            // The latter two have spaces of their own, to which they take rays in `f64`.
+            // The last two have spaces of their own, into which they transform rays in `f64`.
             Self::Mesh(..) | Self::Quad { .. } | Self::Csg(_) | Self::Terrain { .. } => false,
             Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } | Self::SphereFlake { .. } => {
                 similarity(transform).is_none()
@@ -238,7 +238,7 @@ impl Source {
         }
     }
 
-    /// The shape under `transform`. `emits` asks for what light sampling needs.
+    /// The shape under `transform`. `emits`: with the data for light sampling.
     pub(super) fn place(&self, transform: &DAffine3, emits: bool) -> Result<Placed, BuildProblem> {
         match self {
             Self::Mesh(mesh, bounds) => place_mesh(mesh.clone(), bounds, transform, emits),
@@ -302,9 +302,9 @@ fn exact<P: Procedural + 'static>(shape: P, sphere: (DVec3, f64), emitter: Optio
     }
 }
 
-/// The common factor on lengths, where `transform` keeps angles.
+/// The common scale factor, where `transform` is a similarity.
 pub(super) fn similarity(transform: &DAffine3) -> Option<f64> {
-    /// Angles and lengths that agree to this come from rounding.
+    /// Differences of angles and lengths below this are rounding.
     const TOLERANCE: f64 = 1e-9;
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     let (a, b, c) = (x.length(), y.length(), z.length());
@@ -314,7 +314,7 @@ pub(super) fn similarity(transform: &DAffine3) -> Option<f64> {
     (same && xy.max(yz).max(zx) <= TOLERANCE * largest * largest).then_some(a)
 }
 
-/// Whether each coordinate becomes one of the others, scaled and moved, and nothing more.
+/// Whether `transform` maps each axis to an axis, with a scale and a translation and nothing more.
 fn keeps_axes(transform: &DAffine3) -> bool {
     let columns = transform.matrix3.to_cols_array_2d();
     let is_one = |count: usize| count == 1;
@@ -337,7 +337,7 @@ pub(super) fn choose_normals(mesh: &mut TriangleMesh, normals: MeshNormals) {
     }
 }
 
-/// `mesh` under `transform`, in the memory that it has: `own` is the box around what its triangles use.
+/// `mesh` under `transform`, transformed in place. `own` is the bounding box of the vertices that its triangles use.
 pub(super) fn place_mesh(
     mesh: TriangleMesh,
     own: &Bounds3,
@@ -361,7 +361,7 @@ pub(super) fn place_mesh(
     let mut emitter = Vec::new();
     let whole = triangles.len();
     if emits {
-        // A light has one piece for each primitive, so triangles that lost their area to rounding have to go.
+        // Each primitive of an emitter is sampled, so triangles that lost their area to rounding have to go.
         triangles.retain(|triangle| {
             let [a, b, c] = corners(triangle);
             Triangle::new(a, b, c).map(|piece| emitter.push(EmitterShape::Triangle(piece))).is_ok()
@@ -372,7 +372,7 @@ pub(super) fn place_mesh(
         return Err(BuildProblem::NoEmitter(lost));
     }
     let bounds = if lost == 0 && keeps_axes(transform) {
-        // As in `Source::bounds`; rounding to single precision is monotone too.
+        // As in `Source::bounds`: rounding to single precision is monotone, too.
         let Bounds3 { min, max } = own.transformed(transform);
         Bounds3 { min: min.as_vec3().as_dvec3(), max: max.as_vec3().as_dvec3() }
     } else {
@@ -382,7 +382,8 @@ pub(super) fn place_mesh(
             .reduce(|| Bounds3::EMPTY, Bounds3::union)
     };
     let center = bounds.center();
-    // Of all vertices in the box, which are fewer than corners; those that no triangle uses are elsewhere, or do no harm.
+    // Over all vertices in the box, which are fewer than corners. Vertices that no triangle uses are outside the box or do no
+    // harm.
     let farthest = positions
         .par_iter()
         .with_min_len(1 << 14)
@@ -392,7 +393,7 @@ pub(super) fn place_mesh(
             if is_inside { (position - center).length_squared() } else { 0.0 }
         })
         .reduce(|| 0.0, f64::max);
-    // The root is monotone: this is the largest of the lengths.
+    // The square root is monotone, so this is the largest length.
     let radius = farthest.sqrt();
     let normal_matrix = transform.matrix3.inverse().transpose();
     let turn = |normal: &Vec3| {
@@ -420,7 +421,7 @@ fn place_quad(
     mirrored: bool,
     emits: bool,
 ) -> Result<Placed, BuildProblem> {
-    // A mirrored quad keeps its side: the edges swap.
+    // A mirrored quad keeps its side, so the edges swap.
     let (edge_u, edge_v) = if mirrored { (edge_v, edge_u) } else { (edge_u, edge_v) };
     let corners = [corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v];
     let positions = corners.iter().map(|corner| corner.as_vec3().to_array()).collect();

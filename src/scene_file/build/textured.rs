@@ -1,4 +1,4 @@
-//! What a glTF file adds to a shape: the data of its vertices, holes, and emission that a picture dims.
+//! Additions of a glTF file to a shape: vertex data, cut-outs, and emission scaled by a picture.
 
 use super::place::Placed;
 use super::{BuildError, Builder, add_geometry, error_of};
@@ -10,7 +10,7 @@ use crate::textures::VertexData;
 use glam::DAffine3;
 use std::sync::Arc;
 
-/// What is to be looked up at hits of a material; `None` where nothing is.
+/// The layered material whose textures are looked up at hits; `None` where nothing varies over the surface.
 pub(super) fn layers_of(material: &MaterialDescription) -> Option<Arc<LayeredMaterial>> {
     match material {
         MaterialDescription::Layered { material, .. } => (!material.is_even()).then(|| Arc::clone(material)),
@@ -26,7 +26,7 @@ fn material_of(description: &SceneDescription, shape: usize) -> Option<&Arc<Laye
     }
 }
 
-/// The light of an emitting shape, dimmed by its picture. `None` where nothing is left of it.
+/// The emission of a shape, scaled by its picture. `None` where nothing remains.
 pub(super) fn with_glow(
     light: AreaLight,
     description: &SceneDescription,
@@ -46,7 +46,7 @@ pub(super) fn with_glow(
     }
 }
 
-/// The data with its tangents in another space. A mirror image has its bitangents on the other side.
+/// The vertex data with tangents in another space. A mirrored transform flips the bitangents.
 fn transformed(data: &Arc<VertexData>, transform: &DAffine3) -> Arc<VertexData> {
     if data.tangents.is_empty() {
         return Arc::clone(data);
@@ -60,7 +60,7 @@ fn transformed(data: &Arc<VertexData>, transform: &DAffine3) -> Arc<VertexData> 
 }
 
 impl Builder<'_> {
-    /// Shape `index` under `transform`, with the data of its vertices.
+    /// Places shape `index` under `transform`, with the data of its vertices.
     pub(super) fn place(
         &self,
         index: usize,
@@ -73,7 +73,7 @@ impl Builder<'_> {
         Ok(self.with_vertex_data(index, transform, placed))
     }
 
-    /// A placed mesh with what its vertices have for textures.
+    /// Adds the vertex data for textures to a placed mesh.
     pub(super) fn with_vertex_data(&self, index: usize, transform: &DAffine3, mut placed: Placed) -> Placed {
         let shape = &self.description.shapes[index];
         if let (GeometryDescription::Gltf { data, .. }, Geometry::Mesh(mesh)) =
@@ -84,7 +84,7 @@ impl Builder<'_> {
         placed
     }
 
-    /// Adds the geometry of shape `index`, with its holes.
+    /// Adds the geometry of shape `index`, with its cut-outs.
     pub(super) fn add_geometry(
         &self,
         index: usize,

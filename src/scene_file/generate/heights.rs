@@ -1,11 +1,11 @@
-//! Heights over a grid as triangles.
+//! Converts height fields over a grid to triangle meshes.
 
 use crate::scene_file::mesh::{Positions, TriangleMesh};
 use crate::shapes::HeightGrid;
 use glam::{DAffine3, DVec3};
 
-/// Two triangles for each cell of `grid`, which `transform` maps to the shape's space, with smooth normals that face up
-/// in the grid.
+/// A mesh with two triangles for each cell of `grid`, in the space that `transform` maps the grid to. Its normals are smooth and
+/// face up in the grid.
 pub fn mesh_of_heights(grid: &HeightGrid, transform: &DAffine3) -> TriangleMesh {
     let (cells, side) = (grid.cells(), grid.cells() + 1);
     let position = |corner: u32| {
@@ -16,7 +16,7 @@ pub fn mesh_of_heights(grid: &HeightGrid, transform: &DAffine3) -> TriangleMesh 
     let triangles = (0..cells * cells).flat_map(|cell| {
         let a = cell / cells * side + cell % cells;
         let (b, c, d) = (a + 1, a + side, a + side + 1);
-        // The longer way round alternates, so that no direction is preferred.
+        // The direction of the diagonal alternates, so that no direction is preferred.
         if (cell / cells + cell % cells).is_multiple_of(2) {
             [[a, c, d], [a, d, b]]
         } else {

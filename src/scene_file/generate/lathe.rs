@@ -5,28 +5,28 @@ use crate::scene_file::mesh::{Positions, TriangleMesh};
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::TAU;
 
-/// How the points of a profile are joined.
+/// Interpolation between the points of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Curve {
-    /// By straight lines, each a strip that is flat along the profile.
+    /// Straight lines; each makes a strip that is flat along the profile.
     Straight,
-    /// By centripetal Catmull-Rom splines (Yuksel, Schaefer & Keyser 2011), which pass through all points without loops,
-    /// in so many pieces between two points. A point given twice is a corner.
+    /// Centripetal Catmull-Rom splines (Yuksel, Schaefer & Keyser 2011), which pass through all points without loops. A point
+    /// given twice is a corner.
     Smooth {
         /// Pieces between two points.
         steps: u32,
     },
 }
 
-/// A profile turned around the y axis.
+/// A surface of revolution: a profile rotated about the y axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lathe {
-    /// Points (distance from the axis, height), at least two, distances not negative. The surface's normal is on the right
-    /// as one goes along: outward where a profile climbs.
+    /// Points (distance from the axis, height), at least two, with distances that are not negative. The surface normal is on the
+    /// right-hand side along the profile: outward where the profile rises.
     pub profile: Vec<DVec2>,
-    /// How they are joined.
+    /// Interpolation between the points.
     pub curve: Curve,
-    /// Pieces around the axis, at least 3.
+    /// Segments around the axis, at least 3.
     pub segments: u32,
 }
 
@@ -38,7 +38,7 @@ struct Station {
 }
 
 impl Lathe {
-    /// Count of triangles, before those without area at the axis are left out.
+    /// Number of triangles, including those without area at the axis, which are left out later.
     pub fn most_triangles(&self) -> u64 {
         let steps = match self.curve {
             Curve::Straight => 1,
@@ -47,8 +47,7 @@ impl Lathe {
         2 * u64::from(self.segments) * steps * self.profile.len().saturating_sub(1) as u64
     }
 
-    /// The triangles, with normals of the profile at their corners: exact ones of the curve that the triangles
-    /// approximate. A strip that ends on the axis ends in a fan.
+    /// The triangles, with exact normals of the profile curve at their corners. A strip that ends on the axis ends in a fan.
     pub fn mesh(&self) -> TriangleMesh {
         let mut mesh = Builder { segments: self.segments, ..Builder::default() };
         for run in self.runs() {
@@ -62,7 +61,7 @@ impl Lathe {
         }
     }
 
-    /// The parts of the profile within which normals change smoothly.
+    /// The sections of the profile within which the normal changes smoothly.
     fn runs(&self) -> Vec<Vec<Station>> {
         match self.curve {
             Curve::Straight => self
@@ -102,8 +101,8 @@ fn spline(points: &[DVec2], steps: u32) -> Vec<Station> {
     if count < 2 {
         return Vec::new();
     }
-    // Beyond an end on the axis the profile goes on as its own mirror image, so that the surface is smooth there; beyond
-    // any other end as it came.
+    // Control points beyond the ends. At an end on the axis the profile is mirrored, so that the surface is smooth there; at any
+    // other end it is extrapolated.
     let beyond = |end: DVec2, next: DVec2| {
         if end.x == 0.0 { DVec2::new(-next.x, next.y) } else { 2.0 * end - next }
     };
@@ -128,7 +127,7 @@ fn spline(points: &[DVec2], steps: u32) -> Vec<Station> {
                 hermite(2.0 * s3 - 3.0 * s2 + 1.0, s3 - 2.0 * s2 + s, 3.0 * s2 - 2.0 * s3, s3 - s2);
             let along =
                 hermite(6.0 * s2 - 6.0 * s, 3.0 * s2 - 4.0 * s + 1.0, 6.0 * s - 6.0 * s2, 3.0 * s2 - 2.0 * s);
-            // Given points exactly, and never beyond the axis.
+            // The given points are hit exactly, and no point crosses the axis.
             match step {
                 0 => point = p[1],
                 step if step == steps => point = p[2],
@@ -150,7 +149,7 @@ struct Builder {
 }
 
 impl Builder {
-    /// Turns one run of the profile.
+    /// Rotates one section of the profile.
     fn add_strip(&mut self, stations: &[Station]) {
         let rings: Vec<(u32, bool)> = stations.iter().map(|station| self.add_ring(station)).collect();
         for pair in rings.windows(2) {
@@ -171,7 +170,8 @@ impl Builder {
         }
     }
 
-    /// The vertices of a station: a ring, or one on the axis. Returns the first, and whether it is the only one.
+    /// Adds the vertices of a station: a ring, or a single vertex on the axis. Returns the first vertex, and whether it is the
+    /// only one.
     fn add_ring(&mut self, station: &Station) -> (u32, bool) {
         let first = self.positions.len() as u32;
         let Station { point, normal } = *station;
@@ -210,14 +210,14 @@ mod tests {
             assert!((position.length() - 1.0).abs() < 2e-3, "{position}");
             assert!(normal.as_dvec3().dot(position) > 0.999, "{position} {normal}");
         }
-        // Two fans of 64 and 62 bands of 128; every edge is met from both of its sides.
+        // Two fans of 64 triangles and 62 bands of 128; every edge is used once in each direction.
         assert_eq!(mesh.triangles.len(), 2 * 64 + 62 * 128);
         let mut edges: Vec<[u32; 2]> =
             mesh.triangles.iter().flat_map(|t| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]]).collect();
         edges.sort_unstable();
         assert!(edges.windows(2).all(|pair| pair[0] != pair[1]));
         assert!(edges.iter().all(|edge| edges.binary_search(&[edge[1], edge[0]]).is_ok()));
-        // Triangles face outward: the volume they enclose is that of the ball and positive.
+        // The triangles face outward: the enclosed volume is positive and that of the ball.
         let volume: f64 = mesh
             .triangles
             .iter()
@@ -239,7 +239,7 @@ mod tests {
         cornered.insert(1, cornered[1]);
         let runs = smooth(cornered).runs();
         assert_eq!(runs.len(), 2);
-        // Straight from corner to corner, so the normal is that of the line.
+        // Straight between the corners, so the normal is that of the line.
         assert!(runs[0].iter().all(|station| (station.normal - DVec2::X).length() < 1e-12));
         assert!(runs[1].iter().all(|station| (station.normal - DVec2::Y).length() < 1e-12));
     }
@@ -256,7 +256,7 @@ mod tests {
         }
         assert!(stations.iter().all(|station| (station.normal.length() - 1.0).abs() < 1e-12));
         assert!(stations.iter().all(|station| station.point.x >= 0.0));
-        // Flat where it crosses the axis.
+        // Horizontal where it crosses the axis.
         assert!((stations[0].normal - DVec2::NEG_Y).length() < 1e-9, "{:?}", stations[0]);
     }
 }

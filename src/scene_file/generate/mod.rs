@@ -1,4 +1,4 @@
-//! Meshes that a scene file describes by what they are made from, rather than by their triangles.
+//! Meshes that a scene file describes by a rule instead of by triangles.
 
 mod heights;
 mod lathe;
@@ -10,10 +10,10 @@ pub use teapot::Teapot;
 
 use super::mesh::TriangleMesh;
 
-/// Most triangles that a generated mesh may have.
+/// Most triangles of a generated mesh.
 pub const MOST_TRIANGLES: u64 = 100_000_000;
 
-/// What a mesh is made from.
+/// The rule of a generated mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Generator {
     /// A surface of revolution.

@@ -1,33 +1,33 @@
-//! The teapot that Martin Newell modelled in 1975: 32 bicubic Bezier patches, of which ten are given and the others are
-//! their mirror images and quarter turns. The data are in the public domain.
+//! The teapot that Martin Newell modelled in 1975: 32 bicubic Bezier patches. Ten are given; the others are their mirror images
+//! and quarter turns. The data are in the public domain.
 
 use crate::math::unit_f64;
 use crate::scene_file::mesh::{Positions, TriangleMesh, is_degenerate};
 use glam::{DVec3, Vec3};
 
-/// The teapot as triangles: 3.15 high with its lid, the body 4 across, standing on the origin, spout along x.
+/// The teapot as triangles: 3.15 high with its lid, the body 4 across, standing on the origin, with the spout along x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Teapot {
-    /// Pieces along each side of a patch, at least 1.
+    /// Segments along each side of a patch, at least 1.
     pub divisions: u32,
 }
 
-/// How often a patch occurs.
+/// Symmetry that repeats a patch.
 #[derive(Clone, Copy)]
 enum Symmetry {
-    /// Four quarter turns around the vertical axis.
+    /// Four quarter turns about the vertical axis.
     Turned,
-    /// Itself and its mirror image on the other side of the plane through spout and handle.
+    /// The patch and its mirror image in the plane through spout and handle.
     Mirrored,
 }
 
 impl Teapot {
-    /// Count of triangles, before those without area at the ends of patches are left out.
+    /// Number of triangles, including those without area at the ends of patches, which are left out later.
     pub fn most_triangles(&self) -> u64 {
         32 * 2 * u64::from(self.divisions) * u64::from(self.divisions)
     }
 
-    /// The triangles, with the exact normals of the patches at their corners, outward.
+    /// The triangles, with exact outward normals of the patches at their corners.
     pub fn mesh(&self) -> TriangleMesh {
         let mut mesh = Mesh { divisions: self.divisions, ..Mesh::default() };
         for (symmetry, patch) in PATCHES {
@@ -53,7 +53,7 @@ impl Teapot {
     }
 }
 
-/// `p` turned around z, which is up in the data.
+/// `p` rotated about z, which points up in the data.
 fn quarter_turns(p: DVec3, turns: u32) -> DVec3 {
     (0..turns).fold(p, |p, _| DVec3::new(-p.y, p.x, p.z))
 }
@@ -67,7 +67,7 @@ struct Mesh {
 }
 
 impl Mesh {
-    /// Adds a patch, which a mirror image turns inside out.
+    /// Adds a patch; a mirrored patch needs the opposite winding.
     fn add(&mut self, control: &[DVec3; 16], mirrored: bool) {
         let first = self.positions.len() as u32;
         let side = self.divisions + 1;
@@ -76,7 +76,7 @@ impl Mesh {
                 let at = |i: u32| f64::from(i) / f64::from(self.divisions);
                 let (position, normal) = evaluate(control, at(column), at(row));
                 let normal = if mirrored { -normal } else { normal };
-                // The data have z up.
+                // z points up in the data.
                 self.positions.push([position.x, position.z, -position.y]);
                 self.normals.push(Vec3::new(normal.x as f32, normal.z as f32, -normal.y as f32));
             }
@@ -105,14 +105,14 @@ fn evaluate(control: &[DVec3; 16], u: f64, v: f64) -> (DVec3, DVec3) {
     };
     let normal_at =
         |u: f64, v: f64| unit_f64(sum(derivative(u), bernstein(v)).cross(sum(bernstein(u), derivative(v))));
-    // A side that is a single point has no derivative along it: the limit from inside the patch.
+    // A side that is a single point has no derivative along it; the limit from inside the patch is used.
     let inside = |t: f64| t.clamp(1e-5, 1.0 - 1e-5);
     let normal = normal_at(u, v).or_else(|| normal_at(inside(u), inside(v))).unwrap_or(DVec3::Z);
     let row = |i: usize| casteljau([control[i], control[i + 1], control[i + 2], control[i + 3]], u);
     (casteljau([row(0), row(4), row(8), row(12)], v), normal)
 }
 
-/// A point of a cubic curve, exact where all four control points are the same.
+/// A point of a cubic Bezier curve, exact where all four control points coincide.
 fn casteljau(p: [DVec3; 4], t: f64) -> DVec3 {
     let between = |a: DVec3, b: DVec3| a + (b - a) * t;
     let (a, b, c) = (between(p[0], p[1]), between(p[1], p[2]), between(p[2], p[3]));
@@ -131,7 +131,7 @@ fn derivative(t: f64) -> [f64; 4] {
 
 use Symmetry::{Mirrored, Turned};
 
-/// Rim, body, lid, bottom, handle and spout: numbers of points, four rows of four.
+/// Rim, body, lid, bottom, handle and spout: indices of control points, four rows of four.
 const PATCHES: [(Symmetry, [u8; 16]); 10] = [
     (Turned, [102, 103, 104, 105, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]),
     (Turned, [12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27]),
@@ -194,7 +194,7 @@ mod tests {
         assert!((bounds.max.y - 3.15).abs() < 1e-9 && bounds.min.y.abs() < 1e-9, "{bounds:?}");
         assert!((bounds.min.z + 2.0).abs() < 0.02 && (bounds.max.z - 2.0).abs() < 0.02, "{bounds:?}");
         assert!(bounds.max.x > 3.4 && bounds.min.x < -2.9, "{bounds:?}");
-        // Less only by the triangles at the poles of lid and bottom.
+        // The only missing triangles are those at the poles of lid and bottom.
         assert_eq!(mesh.triangles.len(), 32 * 2 * 64 - 2 * 4 * 8);
         let normals = mesh.normals.as_ref().unwrap();
         let mut agree = 0;
@@ -205,7 +205,7 @@ mod tests {
             agree += usize::from(face.dot(shading.as_dvec3()) > 0.0);
             let middle = (a + b + c) / 3.0;
             let across = DVec3::new(middle.x, 0.0, middle.z);
-            // The body between lid and bottom, away from handle and spout.
+            // Points of the body between lid and bottom, away from handle and spout.
             if (0.5..2.2).contains(&middle.y) && across.x.abs() < 1.2 {
                 assert!(face.dot(across) > 0.0, "inward at {middle}");
             }

@@ -1,20 +1,20 @@
-//! Checks of the JSON against the schemas of glTF 2.0 and of the extensions that are read, before it is given to the crate
-//! `gltf`: types, ranges, and indices. The verdicts are those of the Khronos validator; what it calls an error is refused here
-//! unless the meaning is plain, in which case there is a warning (`docs/gltf.md`).
+//! Checks of the JSON against the schemas of glTF 2.0 and of the extensions that are read: types, ranges, and indices. They run
+//! before the document is given to the crate `gltf`. The verdicts are those of the Khronos validator. What the validator calls an
+//! error is refused here, unless the meaning is plain; then there is a warning (`docs/gltf.md`).
 
 use super::error::{Failure, fail};
 use super::schema::{Beyond, Kind, ROOT, Range, Shape};
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Names that one warning lists at most.
+/// Most names that one warning lists.
 const LISTED: usize = 8;
 
-/// Warnings about the JSON; of those of a kind, the first is kept in words and the others are counted.
+/// Warnings about the JSON. Of each kind the first message is kept and the others are counted.
 #[derive(Debug, Default)]
 pub(super) struct Report {
     warnings: BTreeMap<String, (String, u64)>,
-    /// Names of extensions that stand at any object.
+    /// Names of the extensions that occur in any object.
     pub extensions: BTreeSet<String>,
     /// Keys that neither glTF nor an extension defines at their place.
     unknown: BTreeSet<String>,
@@ -23,7 +23,7 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Adds a warning; `kind` is what several have in common.
+    /// Adds a warning; `kind` groups warnings that are counted together.
     pub(super) fn warn(&mut self, kind: &str, message: impl FnOnce() -> String) {
         match self.warnings.get_mut(kind) {
             Some((_, count)) => *count += 1,
@@ -31,7 +31,7 @@ impl Report {
         }
     }
 
-    /// All of it in sentences.
+    /// All warnings as sentences.
     pub(super) fn into_warnings(self) -> Vec<String> {
         let mut warnings: Vec<String> = self
             .warnings
@@ -57,19 +57,19 @@ impl Report {
     }
 }
 
-/// A step on the way from the root to a value.
+/// A step on the path from the root to a value.
 #[derive(Clone, Copy)]
 enum Step {
     Key(&'static str),
     Index(usize),
 }
 
-/// The way from the root to a value.
+/// The path from the root to a value.
 #[derive(Default)]
 struct Place(Vec<Step>);
 
 impl Place {
-    /// As messages write it: `nodes[3].scale`.
+    /// The path as messages write it: `nodes[3].scale`.
     fn text(&self) -> String {
         let mut text = String::new();
         for step in &self.0 {
@@ -82,7 +82,7 @@ impl Place {
         text
     }
 
-    /// Without the numbers: what places of a kind have in common.
+    /// The path without indices, which groups similar places.
     fn kind(&self) -> String {
         let keys = self.0.iter().filter_map(|step| match step {
             Step::Key(key) => Some(*key),
@@ -92,14 +92,14 @@ impl Place {
     }
 }
 
-/// What is done with a value after it was looked at.
+/// Result of the check of a value.
 enum Verdict {
     Stays,
-    /// Removed, as if it were not there.
+    /// The value is removed, as if it were absent.
     Goes,
 }
 
-/// Checks the document, and mends what has a plain meaning.
+/// Checks the document, and repairs values whose meaning is plain.
 pub(super) fn check(value: &mut Value, report: &mut Report) -> Result<(), Failure> {
     let lengths = lengths(value);
     let Value::Object(root) = value else {
@@ -108,7 +108,7 @@ pub(super) fn check(value: &mut Value, report: &mut Report) -> Result<(), Failur
     Checker { lengths, place: Place::default(), report }.object(root, &ROOT).map(drop)
 }
 
-/// Lengths of the lists that indices lead into, by the names that [`Kind::Index`] has.
+/// Lengths of the lists that indices refer to, by the names in [`Kind::Index`].
 fn lengths(value: &Value) -> BTreeMap<&'static str, u64> {
     let length = |pointer: &str| value.pointer(pointer).and_then(Value::as_array).map_or(0, Vec::len) as u64;
     let lists = [
@@ -189,7 +189,7 @@ impl Checker<'_> {
         for key in gone {
             object.remove(&key);
         }
-        // Users may put anything there, of any type.
+        // `extras` may hold any value of any type.
         object.remove("extras");
         Ok(Verdict::Stays)
     }
@@ -284,7 +284,7 @@ impl Checker<'_> {
             Kind::Attributes => {
                 let Value::Object(attributes) = value else { return self.wrong_type(value, "an object") };
                 for (name, accessor) in attributes.iter() {
-                    // Names are open, so the place is written without a step for them.
+                    // Attribute names are free, so the path has no step for them.
                     let count = self.length("accessors");
                     if accessor.as_u64().is_none_or(|index| index >= count) {
                         let name = super::shown(name);
@@ -382,7 +382,7 @@ impl Checker<'_> {
         }
     }
 
-    /// The verdict on one of a list that is none of them.
+    /// The verdict on a value that is none of the allowed choices.
     fn beyond(&mut self, beyond: Beyond, what: String) -> Result<Verdict, Failure> {
         match beyond {
             Beyond::Refuse => self.refuse(what),

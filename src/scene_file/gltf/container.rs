@@ -1,4 +1,4 @@
-//! From bytes to a checked document: the chunks of GLB, the JSON, the extensions it asks for.
+//! Parses the bytes of a file to a checked document: the chunks of a GLB, the JSON, and the required extensions.
 
 use super::check::{self, Report};
 use super::error::{Failure, fail};
@@ -10,7 +10,7 @@ use std::collections::BTreeSet;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Extensions that are understood.
+/// Supported extensions.
 const KNOWN: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "KHR_lights_punctual",
@@ -29,10 +29,10 @@ const KNOWN: &[&str] = &[
     "EXT_texture_webp",
 ];
 
-/// Extensions that change nothing in a picture of the file as it stands: who made it, and what moves.
+/// Extensions that do not change the picture of the file: metadata and animation.
 const WITHOUT_LOOK: &[&str] = &["KHR_animation_pointer", "KHR_xmp", "KHR_xmp_json_ld"];
 
-/// Bytes of a GLB before its chunks.
+/// Bytes of a GLB before its first chunk.
 const HEADER: usize = 12;
 
 /// The parts of a file.
@@ -48,7 +48,7 @@ fn number(bytes: &[u8], at: usize) -> Option<u32> {
     four.try_into().ok().map(u32::from_le_bytes)
 }
 
-/// The JSON of a file, and the length of the file: of a GLB nothing else is read.
+/// The JSON of a file, and the length of the file. Of a GLB only the JSON chunk is read.
 pub(super) fn split_head(path: &Path) -> io::Result<(Vec<u8>, u64)> {
     let (mut file, length) = crate::files::open_regular(path)?;
     let mut head = Vec::new();
@@ -64,7 +64,7 @@ pub(super) fn split_head(path: &Path) -> io::Result<(Vec<u8>, u64)> {
     Ok((text, length))
 }
 
-/// Splits a GLB into its chunks; what does not begin like one is JSON.
+/// Splits a GLB into its chunks. A file without the magic number of GLB is JSON.
 pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, Failure> {
     let mut warnings = Vec::new();
     if bytes.is_empty() {
@@ -134,11 +134,11 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, Failure> {
     }
 }
 
-/// A document whose indices all lead to something.
+/// A document in which every index is valid.
 #[derive(Debug)]
 pub(super) struct Parsed {
     pub document: gltf::Document,
-    /// The same as it was read, for what the crate knows nothing of; out of range values are mended in both.
+    /// The same JSON as it was read, for what the crate does not represent. Values out of range are repaired in both.
     pub json: Value,
     /// Number of animations.
     pub animations: u64,
@@ -168,12 +168,12 @@ pub(super) fn parse(text: &[u8], warnings: &mut Vec<String>) -> Result<Parsed, F
     Ok(Parsed { document, json: value, animations })
 }
 
-/// The document in the types of the crate.
+/// The document in the types of the crate `gltf`.
 fn typed(value: &mut Value) -> Result<gltf::Document, Failure> {
     if let Value::Object(root) = value {
-        // They move nothing here, and the crate knows less of them than glTF allows.
+        // Animations are not applied, and the crate supports less of them than glTF allows.
         root.remove("animations");
-        // It wants a list where glTF wants none.
+        // The crate requires a list that is optional in glTF.
         let scenes = root.get_mut("scenes").and_then(Value::as_array_mut);
         for scene in scenes.into_iter().flatten().filter_map(Value::as_object_mut) {
             scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
@@ -189,8 +189,8 @@ fn typed(value: &mut Value) -> Result<gltf::Document, Failure> {
     root.validate(&root, json::Path::new, &mut |path, error| errors.push((path(), error)));
     for (path, error) in errors {
         let path = path.as_str();
-        // Bounds are not used, accessors without data are zero, textures may come from extensions, and meshes without
-        // positions are told where they are used. Extensions were checked before.
+        // These errors are harmless: bounds are not used, accessors without data are zero, and textures may come from extensions.
+        // Meshes without positions are reported where they are used. Extensions were checked before.
         let last = path.rsplit(['.', '[']).next().unwrap_or_default();
         let is_harmless = matches!(last, "min" | "max" | "bufferView" | "source" | "\"POSITION\"]")
             && error == Error::Missing
@@ -267,7 +267,7 @@ fn check_required(value: &Value) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Warns of extensions that are not read, and of those that are and were not declared.
+/// Warns about extensions that are not read, and about extensions that are read but not declared.
 fn check_used(value: &Value, report: &mut Report) {
     let declared: Vec<&str> = names(value, "extensionsUsed").collect();
     let found: Vec<String> = report.extensions.iter().cloned().collect();
@@ -295,7 +295,7 @@ fn check_used(value: &Value, report: &mut Report) {
     }
 }
 
-/// A node has a matrix or parts of a transform, and no node a projection.
+/// A node has either a matrix or the parts of a transform, and no projective matrix.
 fn check_transforms(value: &Value) -> Result<(), Failure> {
     let nodes = value.get("nodes").and_then(Value::as_array);
     for (index, node) in nodes.into_iter().flatten().enumerate() {
@@ -316,8 +316,8 @@ fn check_transforms(value: &Value) -> Result<(), Failure> {
     Ok(())
 }
 
-/// JSON does not tell 1.0 from 1, and the reader of the document does: whole numbers become integers where they are written
-/// with a fraction.
+/// JSON does not distinguish 1.0 from 1, but the reader of the document does. Whole numbers that are written with a fraction
+/// become integers.
 fn whole_numbers(value: &mut Value) {
     match value {
         Value::Number(number) => {
@@ -333,7 +333,7 @@ fn whole_numbers(value: &mut Value) {
     }
 }
 
-/// The pictures of EXT_texture_webp in the place of others.
+/// Replaces pictures by those of EXT_texture_webp.
 fn use_webp(value: &mut Value) {
     let textures = value.get_mut("textures").and_then(Value::as_array_mut);
     for texture in textures.into_iter().flatten() {
@@ -369,7 +369,7 @@ mod tests {
         assert_eq!((parts.json, parts.binary), (MINIMAL, Some(&[1u8, 2, 3, 4][..])));
         assert!(parse(parts.json, &mut Vec::new()).is_ok());
         for end in 1..whole.len() {
-            // As JSON, where not even the magic is whole.
+            // Read as JSON where even the magic number is truncated.
             let cut = split(&whole[..end]).and_then(|parts| parse(parts.json, &mut Vec::new()).map(drop));
             assert!(cut.is_err(), "{end}");
         }

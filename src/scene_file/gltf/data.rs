@@ -1,4 +1,4 @@
-//! Buffers and accessors: every length is checked before anything is read.
+//! Buffers and accessors. Every length is checked before anything is read.
 
 use super::check::Report;
 use super::error::{Failure, fail};
@@ -12,10 +12,10 @@ use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
-/// Elements of an accessor that has no data, whose zeros the file does not have to hold.
+/// Most elements of an accessor without data. Their zeros take memory without being in the file.
 const MOST_ZEROS: u64 = 1 << 24;
 
-/// Bytes that accessors of one file are decoded to in all, those that are not kept included.
+/// Most bytes that the accessors of one file may be decoded to in total, including those that are not kept.
 const MOST_DECODED: u64 = 1 << 34;
 
 /// Base64 as files have it, with or without padding.
@@ -24,7 +24,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
     GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
 );
 
-/// What a URI of a file leads to.
+/// The target of a URI in a file.
 #[derive(Debug)]
 pub(super) enum Resource {
     /// Bytes in the file itself.
@@ -33,8 +33,8 @@ pub(super) enum Resource {
     File(PathBuf),
 }
 
-/// Resolves a URI against the folder of the file. One that leaves that folder is refused unless `outside` is set, so that a model
-/// from elsewhere reads nothing but what came with it.
+/// Resolves a URI against the folder of the file. A URI that leaves that folder is refused unless `outside` is set, so that a
+/// model from elsewhere reads only the files that came with it.
 pub(super) fn resolve(uri: &str, folder: &Path, outside: bool) -> Result<Resource, String> {
     if let Some(rest) = uri.strip_prefix("data:") {
         let Some((kind, content)) = rest.split_once(',') else {
@@ -55,7 +55,7 @@ pub(super) fn resolve(uri: &str, folder: &Path, outside: bool) -> Result<Resourc
     let local = match scheme {
         None => uri,
         Some(scheme) if scheme.eq_ignore_ascii_case("file") => {
-            // With an empty host, that of this machine, or without one.
+            // With an empty host, with that of this machine, or without a host.
             let rest = &uri[scheme.len() + 1..];
             rest.strip_prefix("//localhost").or(rest.strip_prefix("//")).unwrap_or(rest)
         }
@@ -76,7 +76,7 @@ pub(super) fn resolve(uri: &str, folder: &Path, outside: bool) -> Result<Resourc
     Ok(Resource::File(folder.join(path)))
 }
 
-/// Whether a path leaves the folder that it starts from.
+/// Whether a path leads out of the folder that it starts from.
 fn leaves(path: &Path) -> bool {
     let mut depth = 0i64;
     path.components().any(|component| {
@@ -105,29 +105,29 @@ fn read_file(path: &Path, length: u64) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Whether a file may take what it is foreseen to.
+/// Decides whether a file may take the memory of its estimate.
 pub(super) type Allow<'a> = &'a dyn Fn(&MemoryEstimate) -> Result<(), MemoryError>;
 
 /// The data of a file.
 pub(super) struct Data<'a> {
     folder: PathBuf,
-    /// Whether files outside of that folder may be read.
+    /// Whether files outside the folder may be read.
     outside: bool,
     binary: Option<&'a [u8]>,
-    /// By buffer; read when first needed.
+    /// For each buffer its bytes; read when first needed.
     buffers: Vec<Option<Cow<'a, [u8]>>>,
     decoded: u64,
     /// Files that were read.
     pub(super) files: Vec<PathBuf>,
-    /// Warnings of what was read.
+    /// Warnings about the data that were read.
     pub(super) report: Report,
-    /// What the file takes as far as it is known.
+    /// Memory estimate of the file so far.
     estimate: MemoryEstimate,
-    /// Whether that is allowed.
+    /// Decides whether the estimate is allowed.
     allow: Allow<'a>,
 }
 
-/// Where the elements of an accessor are in its buffer.
+/// Position of an accessor's elements in its buffer.
 struct Layout {
     buffer: usize,
     start: usize,
@@ -152,7 +152,7 @@ pub(super) fn size_of(kind: DataType) -> usize {
     }
 }
 
-/// One number; integers are scaled to `[0, 1]` or `[-1, 1]` where they are `normalized`.
+/// One number. Where integers are `normalized`, they are scaled to `[0, 1]` or `[-1, 1]`.
 fn component(kind: DataType, bytes: &[u8], normalized: bool) -> f32 {
     let at = |i: usize| bytes.get(i).copied().unwrap_or(0);
     let two = [at(0), at(1)];
@@ -181,7 +181,7 @@ impl<'a> Data<'a> {
         Self { folder, outside, binary, buffers, decoded: 0, files: Vec::new(), report, estimate, allow }
     }
 
-    /// Adds to what the file is foreseen to take, before it is taken.
+    /// Adds to the memory estimate of the file, before the memory is allocated, and refuses an estimate that is not allowed.
     pub(super) fn foresee(
         &mut self,
         object: &str,
@@ -191,12 +191,12 @@ impl<'a> Data<'a> {
         (self.allow)(&self.estimate).or_else(|error| fail(object, error))
     }
 
-    /// What a URI of this file leads to.
+    /// Resolves a URI of this file.
     pub(super) fn resolve(&self, uri: &str) -> Result<Resource, String> {
         resolve(uri, &self.folder, self.outside)
     }
 
-    /// Makes sure that a buffer is there.
+    /// Loads a buffer, if it is not loaded yet.
     fn load(&mut self, buffer: &buffer::Buffer<'_>) -> Result<(), Failure> {
         let index = buffer.index();
         if self.buffers[index].is_some() {
@@ -248,7 +248,7 @@ impl<'a> Data<'a> {
         }
     }
 
-    /// Checks that `count` elements of `element` bytes lie in a view.
+    /// Position of `count` elements of `element` bytes in a view, after a check that they lie within it.
     fn layout(
         &mut self,
         view: &buffer::View<'_>,
@@ -270,8 +270,8 @@ impl<'a> Data<'a> {
         Ok(Layout { buffer: view.buffer().index(), start: view.offset() + offset, stride, count, element })
     }
 
-    /// Calls `take` with the index and the bytes of each element that an accessor has data for, in their order; those that are
-    /// replaced come twice. Elements without data are zero.
+    /// Calls `take` with the index and the bytes of each element for which an accessor has data, in order. Elements that the
+    /// sparse part replaces come twice. Elements without data are zero.
     fn for_each(
         &mut self,
         accessor: &gltf::Accessor<'_>,
@@ -312,7 +312,7 @@ impl<'a> Data<'a> {
         Ok(())
     }
 
-    /// The number of elements, where memory may be taken for them.
+    /// The number of elements, if memory may be allocated for them.
     fn count(accessor: &gltf::Accessor<'_>) -> Result<usize, Failure> {
         let count = accessor.count();
         if accessor.view().is_none() && count as u64 > MOST_ZEROS {
@@ -322,7 +322,7 @@ impl<'a> Data<'a> {
         Ok(count)
     }
 
-    /// Vectors of `N` numbers. Where the accessor has one number less, the last is 1.
+    /// Vectors of `N` numbers. Where the accessor has one number less, the last component is 1.
     pub(super) fn vectors<const N: usize>(
         &mut self,
         accessor: &gltf::Accessor<'_>,
@@ -334,7 +334,7 @@ impl<'a> Data<'a> {
         let count = Self::count(accessor)?;
         let (normalized, size) = (accessor.normalized(), size_of(kind));
         if let Some(view) = accessor.view() {
-            // Before memory is taken.
+            // Checked before memory is allocated.
             self.layout(&view, accessor.offset(), (count, has * size), &label(accessor))?;
         }
         let mut blank = [0.0; N];
@@ -350,7 +350,7 @@ impl<'a> Data<'a> {
         Ok(vectors)
     }
 
-    /// As [`Self::vectors`], of elements with so many numbers.
+    /// As [`Self::vectors`], for elements of exactly `N` numbers.
     pub(super) fn vectors_exactly<const N: usize>(
         &mut self,
         accessor: &gltf::Accessor<'_>,
@@ -400,7 +400,7 @@ pub(super) fn numbers_of(dimensions: Dimensions) -> usize {
     }
 }
 
-/// What messages call an accessor.
+/// Name of an accessor in messages.
 pub(super) fn label(accessor: &gltf::Accessor<'_>) -> String {
     super::label("accessors", accessor.index(), accessor.name())
 }

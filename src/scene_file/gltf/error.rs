@@ -1,3 +1,5 @@
+//! Errors of the glTF reader.
+
 use crate::image_io::ImageError;
 use crate::memory::MemoryError;
 use std::path::PathBuf;
@@ -8,13 +10,13 @@ use std::path::PathBuf;
 pub struct GltfError {
     /// The file.
     pub file: PathBuf,
-    /// The object in it, by its place in the JSON and its name; empty for the file as a whole.
+    /// The object in the file, by its path in the JSON and its name; empty for the file as a whole.
     pub object: String,
     /// What is wrong, and what to do about it.
     pub problem: GltfProblem,
 }
 
-/// What can be wrong with a glTF file.
+/// A problem of a glTF file.
 #[derive(Debug, thiserror::Error)]
 pub enum GltfProblem {
     /// The system refused to read.

@@ -19,36 +19,36 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Luminous flux of one watt (of green light), lm/W: how photometric units become radiometric ones.
+/// Luminous flux of one watt (of green light), lm/W: the factor between photometric and radiometric units.
 pub(super) const LUMENS_PER_WATT: f64 = 683.0;
 
-/// A medium that lets less than this through over the attenuation distance is taken to let this much through.
+/// Smallest transmittance of a medium over the attenuation distance; smaller values are raised to it.
 const LEAST_ATTENUATION: f64 = 1e-6;
 
-/// An index of refraction so high that facets reflect all light: what an `ior` of 0 stands for, and what makes the colour of
-/// specular reflection count as it is.
+/// An index of refraction so high that facets reflect all light. An `ior` of 0 stands for it, and with it the specular colour is
+/// the reflectance.
 const TOTAL_IOR: f32 = 1e9;
 
 const SPECULAR_GLOSSINESS: &str = "/extensions/KHR_materials_pbrSpecularGlossiness";
 
-/// What the numbers of a picture are read as.
+/// Interpretation of a picture's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Use {
     Srgb,
     Linear,
-    /// Alpha as glossiness, of which so much counts (the bits of the factor): its complement is the roughness, in green.
+    /// Alpha is glossiness, scaled by a factor (given by its bits). The complement becomes the roughness, in the green channel.
     Glossiness(u32),
 }
 
-/// Where the bytes of a picture are.
+/// Source of a picture's bytes.
 enum Picture<'a> {
     Bytes(Cow<'a, [u8]>),
     File(PathBuf),
 }
-/// From this share of transmission on a material without a volume may be solid glass.
+/// Smallest transmission at which a material without a volume may be solid glass.
 const MOSTLY: f32 = 0.5;
 
-/// What the loader keeps of a material.
+/// The result of converting a material.
 #[derive(Clone, Debug)]
 pub(super) struct Converted {
     /// Index into the description's materials.
@@ -68,7 +68,7 @@ pub(super) struct Materials<'a> {
     budget: TextureBudget,
 }
 
-/// A part of the JSON, and what messages call it.
+/// A part of the JSON with its name in messages.
 struct Part<'a> {
     value: &'a Value,
     object: &'a str,
@@ -134,7 +134,7 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// Whether a material transmits most of the light, bends it, and states no volume: of the file alone it is a sheet.
+    /// Whether a material transmits most of the light, refracts it, and declares no volume. By the file alone it is a sheet.
     pub(super) fn is_sheet(&self, index: usize) -> Result<bool, Failure> {
         let Some(value) = self.json.pointer(&format!("/materials/{index}")) else { return Ok(false) };
         let object = super::label("materials", index, value.get("name").and_then(Value::as_str));
@@ -147,8 +147,8 @@ impl<'a> Materials<'a> {
             && part.number("/extensions/KHR_materials_ior/ior", 1.5)? > 1.0)
     }
 
-    /// The material of a primitive; `coloured` where its vertices have colours, `is_body` where the file states no volume and
-    /// the mesh is one.
+    /// The material of a primitive. `coloured`: its vertices have colours. `is_body`: the file declares no volume, but the mesh
+    /// is a body.
     pub(super) fn convert(
         &mut self,
         index: Option<usize>,
@@ -179,7 +179,7 @@ impl<'a> Materials<'a> {
         } else {
             part.colour("/emissiveFactor", 0.0)?.max(Rgb::ZERO) * strength
         };
-        // A black picture puts it out.
+        // A black picture removes the emission.
         let picture = if material.unlit { None } else { material.emission.as_ref() };
         let emitted = picture.map_or(emitted, |slot| {
             if slot.texture.mean().truncate() == Rgb::ZERO { Rgb::ZERO } else { emitted }
@@ -284,7 +284,7 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// Decides what is below the surface; the media on both sides where that is a volume.
+    /// Decides what is below the surface: a thin sheet or a volume. For a volume, yields the media on both sides.
     fn volume(
         &self,
         part: &Part<'_>,
@@ -297,13 +297,13 @@ impl<'a> Materials<'a> {
         }
         let volume = "/extensions/KHR_materials_volume";
         if is_body {
-            // What crosses the body is tinted twice, and a sheet of the same colour once.
+            // Light that crosses a body is tinted twice, and light that crosses a sheet of the same colour once.
             material.factors.base = material.factors.base.map(f32::sqrt);
         } else if part.number(&format!("{volume}/thicknessFactor"), 0.0)? <= 0.0 {
             material.factors.body = Body::Thin;
             return Ok(None);
         }
-        // Rays find out how thick it is.
+        // The ray tracer finds the thickness of the body.
         if material.factors.ior == TOTAL_IOR {
             let problem = "an index of refraction of 0 reflects all light, and so has no volume below it; give it an index";
             return fail(part.object, problem);
@@ -311,7 +311,7 @@ impl<'a> Materials<'a> {
         let ior = material.factors.ior.clamp(1.0, 100.0);
         material.factors.ior = ior;
         material.factors.body = Body::Interface(Dielectric::new(1.0, f64::from(ior)));
-        // Where light crosses the border of a medium is not a matter of chance.
+        // Partial coverage is ignored: an interface between media must not be crossed at random.
         material.coverage = Coverage::Whole;
         let colour = part.colour(&format!("{volume}/attenuationColor"), 1.0)?.as_dvec3();
         let distance = f64::from(part.number(&format!("{volume}/attenuationDistance"), f32::INFINITY)?);
@@ -328,7 +328,7 @@ impl<'a> Materials<'a> {
         Ok(Some([description.media.len() - 1, 0]))
     }
 
-    /// The texture that a part of a material names; `None` where it names none, or one without a picture.
+    /// The texture that a part of a material names. `None` where it names none, or one without a picture.
     fn slot(
         &mut self,
         part: &Part<'_>,
@@ -371,7 +371,7 @@ impl<'a> Materials<'a> {
                 format!("`{}` reads texture coordinates {set}, and 0 and 1 are read", &pointer[1..]);
             return fail(part.object, problem);
         }
-        // Counter-clockwise as one sees it, with v downwards.
+        // Counter-clockwise in the picture, where v points down.
         let linear = Mat2::from_angle(-turn) * Mat2::from_diagonal(Vec2::from_array(scale));
         let transform = Affine2::from_mat2_translation(linear, Vec2::new(x, y));
         Ok(Some(TextureSlot { texture, sampler, set, transform }))
@@ -413,7 +413,7 @@ impl<'a> Materials<'a> {
         Ok(texture)
     }
 
-    /// Where the bytes of an image are. What they are is told by the first of them, whatever the file says.
+    /// The bytes of an image. Their first bytes decide the format, whatever the file declares.
     fn picture<'d>(
         &self,
         index: usize,
@@ -433,7 +433,7 @@ impl<'a> Materials<'a> {
                 let Some(view) = self.document.views().nth(view.value()) else {
                     return fail(object, "there is no such buffer view; write the file again");
                 };
-                // Twice, as the first may fail and what is said of it is kept where the bytes are.
+                // Looked up twice: the first borrow ends before the warning is added to the same data.
                 let kind = kind_of(data.view(&view)?);
                 warn_of_kind(&mut data.report, object, said.as_deref(), kind);
                 return data.view(&view).map(Cow::Borrowed).map(Picture::Bytes);
@@ -450,7 +450,7 @@ impl<'a> Materials<'a> {
     }
 }
 
-/// The MIME type that the first bytes of a picture tell, of those that glTF has.
+/// MIME type by the first bytes of a picture, among the types of glTF.
 fn kind_of(bytes: &[u8]) -> Option<&'static str> {
     const KINDS: [(&[u8], &str); 3] =
         [(b"\x89PNG", "image/png"), (b"\xff\xd8\xff", "image/jpeg"), (b"RIFF", "image/webp")];
@@ -467,8 +467,8 @@ fn warn_of_kind(report: &mut Report, object: &str, said: Option<&str>, found: Op
     }
 }
 
-/// A material of KHR_materials_pbrSpecularGlossiness: its specular colour is what facets reflect at right angles, and the diffuse
-/// base gets what they leave.
+/// A material of KHR_materials_pbrSpecularGlossiness. Its specular colour is the reflectance of the facets at normal incidence,
+/// and the diffuse base receives the rest.
 fn specular_glossiness(part: &Part<'_>, material: &mut LayeredMaterial) -> Result<(), Failure> {
     let at = |key: &str| format!("{SPECULAR_GLOSSINESS}/{key}");
     let [r, g, b, alpha] = part.numbers(&at("diffuseFactor"), [1.0; 4])?;
@@ -489,7 +489,7 @@ fn specular_glossiness(part: &Part<'_>, material: &mut LayeredMaterial) -> Resul
     Ok(())
 }
 
-/// The roughness, in green, of a picture with glossiness in alpha, of which `factor` (as bits) counts.
+/// Converts a picture with glossiness in alpha, scaled by `factor` (as bits), to roughness in the green channel.
 fn roughness(mut image: Image, factor: u32) -> ImageTexture {
     let factor = f32::from_bits(factor);
     image.layers.truncate(1);

@@ -1,7 +1,7 @@
-//! glTF 2.0 and GLB as scenes by themselves. What is done with each feature is in `docs/gltf.md`.
+//! Importer for glTF 2.0 and GLB files as complete scenes. The support for each feature is described in `docs/gltf.md`.
 //!
-//! The JSON is read into the types of the crate `gltf` and checked by it; buffers and accessors are read here, as every length is
-//! to be checked before memory is taken or touched.
+//! The JSON is read into the types of the crate `gltf`, which checks it. Buffers and accessors are read here, because every
+//! length must be checked before memory is allocated or accessed.
 
 mod check;
 mod container;
@@ -47,16 +47,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Endings of glTF files.
+/// File extensions of glTF.
 pub const GLTF_EXTENSIONS: &[&str] = &["gltf", "glb"];
 
-/// Triangles of emitters that nodes place: each is a light of its own wherever it stands.
+/// Most triangles of emitters over all placements: each triangle is a separate light at each place.
 const MOST_EMITTING: usize = 1 << 26;
 
 /// Longest name that a message repeats, in characters.
 const SHOWN: usize = 100;
 
-/// Whether a file is glTF by its name.
+/// Whether a file is glTF, by its extension.
 pub fn is_gltf_file(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
     GLTF_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known))
@@ -65,7 +65,7 @@ pub fn is_gltf_file(path: &Path) -> bool {
 /// Longest description of a problem, in characters.
 const LONGEST: usize = 500;
 
-/// A text of the file as a message shows it.
+/// A text of the file in the form that messages use.
 fn shown(text: &str) -> String {
     cut(text, SHOWN)
 }
@@ -78,7 +78,7 @@ fn cut(text: &str, longest: usize) -> String {
     }
 }
 
-/// What messages call an object.
+/// Name of an object in messages.
 fn label(list: &str, index: usize, name: Option<&str>) -> String {
     match name {
         Some(name) => format!("{list}[{index}] `{}`", shown(name)),
@@ -86,18 +86,18 @@ fn label(list: &str, index: usize, name: Option<&str>) -> String {
     }
 }
 
-/// What a user may choose about a file.
+/// Parameters that the user may set for a file.
 struct Parameters<'a> {
     scene: Option<&'a str>,
     camera: Option<&'a str>,
     variant: Option<&'a str>,
-    /// Whether files outside of the folder of this one may be read.
+    /// Whether files outside the folder of this file may be read.
     outside: bool,
     wishes: Wishes,
     solid: Solid<'a>,
 }
 
-/// What a user says of materials that transmit light and state no volume.
+/// The user's choices for materials that transmit light and declare no volume.
 #[derive(Default)]
 struct Solid<'a> {
     all: Choice,
@@ -105,13 +105,13 @@ struct Solid<'a> {
 }
 
 impl Solid<'_> {
-    /// What holds for the material of this name; the last word counts.
+    /// The choice for the material of this name; the last choice for a name wins.
     fn of(&self, name: Option<&str>) -> Choice {
         let own = self.by_name.iter().rev().find(|(own, _)| Some(*own) == name);
         own.map_or(self.all, |(_, choice)| *choice)
     }
 
-    /// Every name that is given is that of a material.
+    /// Checks that every given name is the name of a material.
     fn check(&self, document: &gltf::Document) -> Result<(), Failure> {
         let names: Vec<&str> = document.materials().filter_map(|material| material.name()).collect();
         match self.by_name.iter().find(|(name, _)| !names.contains(name)) {
@@ -174,7 +174,7 @@ impl<'a> Parameters<'a> {
     }
 }
 
-/// The number in `names` that `wanted` means: one of them, or a number from 0.
+/// Index of the item that `wanted` means: a name among `names`, or a number from 0.
 fn choose(wanted: &str, names: &[Option<String>], what: &str) -> Result<usize, Failure> {
     let by_name = names.iter().position(|name| name.as_deref() == Some(wanted));
     match by_name.or_else(|| wanted.parse().ok().filter(|index| *index < names.len())) {
@@ -193,18 +193,19 @@ fn choose(wanted: &str, names: &[Option<String>], what: &str) -> Result<usize, F
 }
 
 /// Reads a `.gltf` or `.glb` file as a scene. `parameters` are `scene`, `camera`, `variant` (each a name or a number from 0),
-/// `ground`, `light`, `room` and `solid` (`auto`, `yes` or `no`), `solid:` with the name of a material, `outside` (`yes` where it
-/// may name files outside of its folder).
+/// `ground`, `light`, `room` and `solid` (`auto`, `yes` or `no`), `solid:` followed by the name of a material, and `outside`
+/// (`yes` where the file may name files outside its folder).
 ///
 /// # Errors
-/// Where the file, or another that it needs, cannot be read, is damaged, or asks for what is not there: with file, object,
-/// and what to do.
+/// Where the file, or a file that it needs, cannot be read, is damaged, or lacks what was asked for. The error gives file,
+/// object, and remedy.
 pub fn gltf_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, GltfError> {
     gltf_scene_within(path, parameters, &|_| Ok(()))
 }
 
-/// [`gltf_scene`] where `allow` says yes to what the file is foreseen to take. It is asked before the JSON is parsed, before a file
-/// beside it is read, and before meshes are; what follows from that, as Embree's hierarchy, is part of the estimate.
+/// [`gltf_scene`] with a callback `allow` that accepts or refuses the memory estimate of the file. It is called before the JSON
+/// is parsed, before another file is read, and before meshes are read. The estimate includes the later stages, such as Embree's
+/// hierarchy.
 ///
 /// # Errors
 /// As [`gltf_scene`], and what `allow` returns.
@@ -220,7 +221,7 @@ pub fn gltf_scene_within(
     bytes.and_then(|bytes| load(&bytes, path, parameters, allow, true)).map_err(|failure| told(path, failure))
 }
 
-/// [`gltf_scene`] of a file's bytes; messages call it `path`, and other files that it names are looked for beside that.
+/// [`gltf_scene`] for bytes in memory. Messages call the file `path`, and other files are looked for relative to it.
 ///
 /// # Errors
 /// As [`gltf_scene`].
@@ -236,7 +237,7 @@ fn told(path: &Path, (object, problem): Failure) -> GltfError {
     GltfError { file: path.to_owned(), object: shown(&object), problem }
 }
 
-/// The meshes of a file alone, with their materials: for scene files, which have light and camera of their own.
+/// The meshes of a file with their materials, without light and camera, which a scene file has itself.
 ///
 /// # Errors
 /// As [`gltf_scene`].
@@ -245,7 +246,7 @@ pub(super) fn gltf_model(path: &Path) -> Result<SceneDescription, GltfError> {
     read.map_err(|failure| told(path, failure))
 }
 
-/// Files beside this one that it names, as far as they are there.
+/// Existing files that this file names.
 pub(super) fn further_files(path: &Path) -> Vec<PathBuf> {
     let Ok(bytes) = read_regular(path, u64::MAX) else { return Vec::new() };
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -271,7 +272,7 @@ fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
     read_regular(path, u64::MAX).map_err(io)
 }
 
-/// The scene of a file; `is_alone` adds what it lacks to be a picture.
+/// The scene of a file; with `is_alone`, missing parts such as a camera are added.
 fn load(
     bytes: &[u8],
     path: &Path,
@@ -328,7 +329,7 @@ fn load(
     Ok(description)
 }
 
-/// A scene without anything in it.
+/// An empty scene.
 fn blank(path: &Path) -> SceneDescription {
     let location = Location { file: Arc::new(PathBuf::from(path)), line: 0, column: 0 };
     let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
@@ -361,7 +362,7 @@ fn blank(path: &Path) -> SceneDescription {
     }
 }
 
-/// What was left out, one sentence each.
+/// One sentence for each kind of content that was left out.
 fn findings(animations: u64, hierarchy: &Hierarchy, report: &PrimitiveReport) -> Vec<String> {
     let counts = [
         (report.other_modes, "primitives of points or lines left out: they have no surface"),
@@ -375,13 +376,13 @@ fn findings(animations: u64, hierarchy: &Hierarchy, report: &PrimitiveReport) ->
     counted.chain(report.mesh.findings()).collect()
 }
 
-/// The set of texture coordinates that a material reads and vertices do not have.
+/// A set of texture coordinates that the material reads and the vertices do not have.
 fn missing_coordinates(material: &MaterialDescription, data: &VertexData) -> Option<usize> {
     let MaterialDescription::Layered { material, .. } = material else { return None };
     material.slots().map(|slot| slot.set).find(|set| data.uvs.get(*set).is_none_or(Vec::is_empty))
 }
 
-/// Materials that a variant puts in the place of others (KHR_materials_variants).
+/// Material replacements of a variant (KHR_materials_variants).
 struct Variants<'a> {
     json: &'a Value,
     chosen: Option<u64>,
@@ -396,7 +397,7 @@ impl<'a> Variants<'a> {
         Ok(Self { json, chosen: chosen.map(|chosen| chosen as u64) })
     }
 
-    /// Material of a primitive under the chosen variant.
+    /// Material of a primitive in the chosen variant.
     fn material(&self, mesh: usize, primitive: &gltf::Primitive<'_>) -> Option<usize> {
         let own = primitive.material().index();
         let Some(chosen) = self.chosen else { return own };
@@ -414,21 +415,22 @@ impl<'a> Variants<'a> {
     }
 }
 
-/// A file on its way to a description.
+/// State while a file is converted to a description.
 struct Loader<'a> {
     document: &'a gltf::Document,
     data: Data<'a>,
     materials: Materials<'a>,
     description: SceneDescription,
     report: PrimitiveReport,
-    /// Triangles of emitters so far.
+    /// Number of emitting triangles so far.
     emitting: usize,
-    /// By material that transmits light and states no volume: meshes that it makes bodies of, and sheets.
+    /// For each material that transmits light and declares no volume: the number of meshes that became bodies, and of those that
+    /// became sheets.
     glass: BTreeMap<usize, [u64; 2]>,
 }
 
 impl Loader<'_> {
-    /// Adds the meshes of all nodes: one that several nodes show becomes a group that they place.
+    /// Adds the meshes of all nodes. A mesh of several nodes becomes a group that these nodes instantiate.
     fn add_meshes(
         &mut self,
         hierarchy: &Hierarchy,
@@ -442,7 +444,7 @@ impl Loader<'_> {
         for ((index, pose), mut nodes) in by_mesh {
             let joints = pose.skin.and_then(|skin| hierarchy.skins.get(skin)?.as_deref());
             if joints.is_some() {
-                // All would stand in the same place.
+                // All instances would be at the same place.
                 nodes.truncate(1);
             }
             let deformation = Deformation { weights: pose.weights().collect(), joints };
@@ -523,7 +525,8 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// By material of a mesh that is solid glass, what the mesh is: closed by its own faces, or by all of the mesh.
+    /// For each material of a mesh that is solid glass: the closure of its own faces, or of the whole mesh where its own faces
+    /// are open.
     fn bodies(
         &mut self,
         parts: &[(String, Option<usize>, ReadPrimitive)],
@@ -558,7 +561,7 @@ impl Loader<'_> {
         Ok(bodies)
     }
 
-    /// Says what became of materials that transmit light and state no volume, once for each.
+    /// Adds a note for each material that transmits light and declares no volume.
     fn note_glass(&mut self, solid: &Solid<'_>) {
         for (&material, &[bodies, sheets]) in &self.glass {
             let material = self.document.materials().nth(material);
@@ -591,7 +594,7 @@ impl Loader<'_> {
         }
     }
 
-    /// The camera that is wanted, or the first that can be had.
+    /// Adds the camera that is asked for, or the first usable one.
     fn add_camera(
         &mut self,
         hierarchy: &Hierarchy,

@@ -1,4 +1,4 @@
-//! The hierarchy of nodes: what stands where.
+//! The node hierarchy: placements of meshes, cameras and lights.
 
 use super::check::Report;
 use super::data::Data;
@@ -13,25 +13,25 @@ use gltf::scene::Transform;
 use serde_json::Value;
 use std::f64::consts::FRAC_PI_2;
 
-/// Places that nodes and their instances may have in all.
+/// Most placements of nodes and their instances in total.
 const MOST_PLACED: usize = 1 << 23;
 
-/// A mesh, camera or light of a node, by its index, with the node's name and its place in the world.
+/// A mesh, camera or light of a node: its index, the node's name, and its transform to the world.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     pub index: usize,
     pub node: String,
     pub to_world: DAffine3,
-    /// What deforms the mesh before it is placed.
+    /// Deformation of the mesh before it is placed.
     pub pose: Pose,
 }
 
-/// What deforms a mesh. Nodes that show the same mesh in the same pose share it.
+/// Deformation of a mesh. Nodes with the same mesh in the same pose share it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Pose {
-    /// Skin that places the vertices in the world; the place of the node does not count then.
+    /// Skin that places the vertices in the world; the node's own transform is then ignored.
     pub skin: Option<usize>,
-    /// Weights of the morph targets, as bits; none where all are zero.
+    /// Weights of the morph targets, as bits; empty where all are zero.
     weights: Vec<u32>,
 }
 
@@ -46,21 +46,21 @@ impl Pose {
         }
     }
 
-    /// Weights of the morph targets; none where all are zero.
+    /// Weights of the morph targets; empty where all are zero.
     pub(super) fn weights(&self) -> impl Iterator<Item = f32> {
         self.weights.iter().map(|bits| f32::from_bits(*bits))
     }
 }
 
-/// What a scene consists of, in the order of its nodes.
+/// The contents of a scene, in the order of its nodes.
 #[derive(Debug, Default)]
 pub(super) struct Hierarchy {
     pub meshes: Vec<Placed>,
     pub cameras: Vec<Placed>,
     pub lights: Vec<Placed>,
-    /// Nodes with a mesh that a transform makes flat, or moves to infinity.
+    /// Number of nodes with a mesh whose transform is singular or not finite.
     pub flat: u64,
-    /// Joints of each skin in use, from where its vertices are modelled to the world.
+    /// For each skin in use the transforms of its joints, from the bind pose to the world.
     pub skins: Vec<Option<Vec<DAffine3>>>,
 }
 
@@ -79,14 +79,14 @@ fn local(node: &gltf::Node<'_>) -> DAffine3 {
     }
 }
 
-/// A quaternion of a file: of unit length but for rounding; zero means nothing is turned.
+/// A quaternion of a file. It has unit length up to rounding; zero means no rotation.
 fn turn(rotation: [f32; 4]) -> DQuat {
     let rotation = DQuat::from_array(rotation.map(f64::from));
     let length = rotation.length();
     if length > 0.0 { rotation / length } else { DQuat::IDENTITY }
 }
 
-/// Checks that nodes form trees: none is below itself, or below two others.
+/// Checks that nodes form trees: no node is its own descendant or has two parents.
 pub(super) fn check_trees(document: &gltf::Document) -> Result<(), Failure> {
     let name = |index: usize| {
         let name = document.nodes().nth(index).and_then(|node| node.name().map(str::to_owned));
@@ -103,7 +103,7 @@ pub(super) fn check_trees(document: &gltf::Document) -> Result<(), Failure> {
             }
         }
     }
-    // From where every node is reached, none is left over but those of cycles.
+    // Nodes that are not reached from the roots belong to cycles.
     let mut reached = 0;
     let mut waiting: Vec<usize> = (0..count).filter(|&node| parent[node].is_none()).collect();
     let mut seen = vec![false; count];
@@ -120,7 +120,7 @@ pub(super) fn check_trees(document: &gltf::Document) -> Result<(), Failure> {
     }
 }
 
-/// For each node its parent.
+/// The parent of each node.
 fn parents(document: &gltf::Document) -> Vec<Option<usize>> {
     let mut parents = vec![None; document.nodes().len()];
     for node in document.nodes() {
@@ -129,7 +129,8 @@ fn parents(document: &gltf::Document) -> Vec<Option<usize>> {
     parents
 }
 
-/// The nodes that a scene begins with: those that it lists, but for those below others; without scenes, all that have no parent.
+/// The root nodes of a scene: the listed nodes, except descendants of other listed nodes. Without scenes, all nodes that have no
+/// parent.
 fn roots<'a>(document: &'a gltf::Document, scene: Option<usize>, report: &mut Report) -> Vec<gltf::Node<'a>> {
     let parents = parents(document);
     let Some(scene) = scene.and_then(|scene| document.scenes().nth(scene)) else {
@@ -163,7 +164,7 @@ fn roots<'a>(document: &'a gltf::Document, scene: Option<usize>, report: &mut Re
     roots
 }
 
-/// Places of the instances of EXT_mesh_gpu_instancing in their node; `None` for a node without.
+/// Transforms of the instances of EXT_mesh_gpu_instancing relative to their node; `None` for a node without.
 fn instances(
     node: &gltf::Node<'_>,
     (document, json): (&gltf::Document, &Value),
@@ -189,7 +190,7 @@ fn instances(
         }
         Ok(Some(accessor))
     };
-    // Attributes of other names place nothing, and tell how many there are.
+    // Attributes with other names place nothing, but they give the number of instances.
     let count = match attributes.keys().map(|name| accessor(name)).find_map(Result::transpose) {
         Some(first) => first?.count(),
         None => 0,
@@ -220,7 +221,7 @@ fn instances(
     Ok(Some((0..count).map(place).collect()))
 }
 
-/// Follows the nodes of a scene; all that have no parent where the file has no scenes.
+/// Traverses the nodes of a scene, or all nodes without a parent where the file has no scenes.
 pub(super) fn hierarchy(
     (document, json): (&gltf::Document, &Value),
     scene: Option<usize>,
@@ -248,7 +249,7 @@ pub(super) fn hierarchy(
                     "a skin and instances, which glTF has no meaning for; export it without one of them",
                 );
             }
-            // The place of a node with a skin does not count: its joints have theirs.
+            // The transform of a skinned node is ignored: its joints have their own.
             let to_world = if pose.skin.is_some() { DAffine3::IDENTITY } else { to_world };
             for inner in inner.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
                 let to_world = to_world * inner;
@@ -275,13 +276,13 @@ pub(super) fn hierarchy(
     Ok(found)
 }
 
-/// The joints of the skins in use.
+/// Adds the joint transforms of the skins in use.
 fn add_skins(document: &gltf::Document, found: &mut Hierarchy, data: &mut Data<'_>) -> Result<(), Failure> {
     let used: Vec<usize> = found.meshes.iter().filter_map(|placed| placed.pose.skin).collect();
     if used.is_empty() {
         return Ok(());
     }
-    // Joints may stand anywhere in the file.
+    // Joints may be anywhere in the file.
     let parents = parents(document);
     let mut to_world = vec![DAffine3::IDENTITY; parents.len()];
     let mut waiting: Vec<_> = document.nodes().filter(|node| parents[node.index()].is_none()).collect();
@@ -312,7 +313,7 @@ fn add_skins(document: &gltf::Document, found: &mut Hierarchy, data: &mut Data<'
     Ok(())
 }
 
-/// The pinhole camera of a node: `None`, and a warning, for one of parallel rays, or one that cannot be placed.
+/// The pinhole camera of a node. Yields `None` and a warning for an orthographic camera, or one that cannot be placed.
 pub(super) fn camera(
     camera: &gltf::Camera<'_>,
     placed: &Placed,
@@ -331,7 +332,7 @@ pub(super) fn camera(
     if !(fov > 0.0 && fov < 180.0 && eye.is_finite()) {
         return Err(format!("{name} has a field of view of {fov} degrees; it was left out"));
     }
-    // Rounding leaves nothing of a step of 1 far from the origin.
+    // Far from the origin, rounding would swallow a step of 1.
     let step = 1f64.max(1e-3 * eye.length());
     let at = eye + forward * step;
     let description = CameraDescription {
@@ -347,7 +348,7 @@ pub(super) fn camera(
     Ok((description, lens.aspect_ratio().filter(|aspect| aspect.is_finite() && *aspect > 0.0)))
 }
 
-/// A light of KHR_lights_punctual, its candela and lux made W/sr and W/m^2. It shines along the node's -z.
+/// A light of KHR_lights_punctual, with candela and lux converted to W/sr and W/m^2. It points along the node's -z.
 pub(super) fn light(light: &gltf::khr_lights_punctual::Light<'_>, placed: &Placed) -> LightDescription {
     let colour = DVec3::from_array(light.color().map(f64::from)).max(DVec3::ZERO);
     let strength = colour * (f64::from(light.intensity()).max(0.0) / LUMENS_PER_WATT);
@@ -358,7 +359,7 @@ pub(super) fn light(light: &gltf::khr_lights_punctual::Light<'_>, placed: &Place
         Kind::Directional => LightDescription::Directional { direction, irradiance: strength },
         Kind::Point => LightDescription::Point { position, intensity: strength },
         Kind::Spot { inner_cone_angle, outer_cone_angle } => {
-            // The extension asks for 0 <= inner < outer <= pi / 2.
+            // The extension requires 0 <= inner < outer <= pi / 2.
             let outer = f64::from(outer_cone_angle).clamp(0.0, FRAC_PI_2);
             let inner = f64::from(inner_cone_angle).clamp(0.0, outer);
             LightDescription::Spot { position, direction, intensity: strength, inner, outer }
@@ -366,7 +367,7 @@ pub(super) fn light(light: &gltf::khr_lights_punctual::Light<'_>, placed: &Place
     }
 }
 
-/// Without what scales.
+/// The rotation of a matrix, without scales.
 fn rotation(matrix: &DMat3) -> DMat3 {
     let z = crate::math::unit_f64(matrix.z_axis).unwrap_or(DVec3::Z);
     DMat3::from_cols(matrix.x_axis, matrix.y_axis, z)

@@ -1,4 +1,4 @@
-//! Primitives of meshes to triangles.
+//! Converts the primitives of meshes to triangles.
 
 use super::data::Data;
 use super::error::{Failure, fail};
@@ -9,47 +9,47 @@ use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 use gltf::Semantic;
 use gltf::mesh::Mode;
 
-/// Memory that meshes of one file may take.
+/// Most memory that the meshes of one file may take.
 const MOST_KEPT: u64 = 1 << 32;
 
-/// Bytes of a vertex that stay: position, normal, two pairs of coordinates, tangent and colour.
+/// Bytes of a vertex in memory: position, normal, two pairs of coordinates, tangent and colour.
 pub(super) const BYTES_OF_VERTEX: u64 = 100;
 
-/// Bytes of a triangle that stay.
+/// Bytes of a triangle in memory.
 pub(super) const BYTES_OF_TRIANGLE: u64 = 24;
 
-/// What deforms the vertices of a primitive.
+/// Deformation of a primitive's vertices.
 #[derive(Debug, Default)]
 pub(super) struct Deformation<'a> {
-    /// Weights of the morph targets; none where all are zero.
+    /// Weights of the morph targets; empty where all are zero.
     pub weights: Vec<f32>,
-    /// Joints of the skin, from where the vertices are modelled to the world.
+    /// Transforms of the skin's joints, from the bind pose to the world.
     pub joints: Option<&'a [DAffine3]>,
 }
 
-/// What primitives are left out.
+/// Counts of the primitives and vertices that were left out.
 #[derive(Debug, Default)]
 pub(super) struct PrimitiveReport {
-    /// Points and lines.
+    /// Primitives of points and lines.
     pub other_modes: u64,
-    /// Without positions, or without triangles.
+    /// Primitives without positions or without triangles.
     pub empty: u64,
     /// Vertices that no joint of their skin moves.
     pub loose: u64,
-    /// Of triangles and their vertices.
+    /// Problems of triangles and their vertices.
     pub mesh: MeshReport,
     /// Bytes kept so far.
     kept: u64,
 }
 
-/// Triangles and what textures need.
+/// Triangles with the vertex data for textures.
 #[derive(Debug)]
 pub(super) struct ReadPrimitive {
     pub mesh: TriangleMesh,
     pub data: VertexData,
 }
 
-/// Reads a primitive; `None` where there is nothing to see of it, which is counted.
+/// Reads a primitive. Yields `None` where it has no visible triangles, and counts it in the report.
 pub(super) fn read(
     data: &mut Data<'_>,
     primitive: &gltf::Primitive<'_>,
@@ -154,14 +154,14 @@ pub(super) fn read(
     if report.kept > MOST_KEPT {
         return fail(object, format!("the meshes of this file take more than {MOST_KEPT} bytes; split it"));
     }
-    // Coordinates are with the data for textures.
+    // Texture coordinates are part of the data for textures.
     Ok(Some(ReadPrimitive {
         mesh: TriangleMesh { positions, triangles, normals, uvs: None },
         data: vertices,
     }))
 }
 
-/// Adds the displacements of the morph targets, by their weights.
+/// Adds the weighted displacements of the morph targets.
 fn add_targets(
     data: &mut Data<'_>,
     primitive: &gltf::Primitive<'_>,
@@ -178,7 +178,7 @@ fn add_targets(
     Ok(())
 }
 
-/// For each vertex the mean of its joints, by their weights (glTF 2.0, section 3.7.3.3).
+/// For each vertex the weighted mean of its joint transforms (glTF 2.0, section 3.7.3.3).
 fn skinning(
     data: &mut Data<'_>,
     primitive: &gltf::Primitive<'_>,
@@ -222,7 +222,7 @@ fn skinning(
     Ok(sums.into_iter().map(mean).collect())
 }
 
-/// A normal of a surface that moves by a matrix: by its cofactors, which need no inverse.
+/// Transforms a surface normal by a matrix. It uses the cofactors, which need no inverse.
 fn moved_normal(matrix: &DMat3, normal: [f32; 3]) -> [f32; 3] {
     let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
     let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
@@ -230,7 +230,7 @@ fn moved_normal(matrix: &DMat3, normal: [f32; 3]) -> [f32; 3] {
     moved.normalize_or_zero().as_vec3().to_array()
 }
 
-/// Triangles of a list, strip or fan (glTF 2.0, section 3.7.2.1); a rest of one or two corners is dropped.
+/// Triangles of a list, strip or fan (glTF 2.0, section 3.7.2.1); one or two corners that are left over are dropped.
 fn triangles(mode: Mode, order: &[u32]) -> Vec<[u32; 3]> {
     match mode {
         Mode::TriangleStrip => order
@@ -246,8 +246,8 @@ fn triangles(mode: Mode, order: &[u32]) -> Vec<[u32; 3]> {
     }
 }
 
-/// Renumbers vertices so that those in use come without gaps; the new number of each, `u32::MAX` for those that go, or `None`
-/// where all stay.
+/// Renumbers the vertices in use without gaps. Yields the new number of each vertex, `u32::MAX` for unused ones, or `None` where
+/// all are in use.
 fn compact(triangles: &mut [[u32; 3]], count: usize) -> Option<Vec<u32>> {
     let mut used = vec![false; count];
     triangles.iter().flatten().for_each(|&vertex| used[vertex as usize] = true);

@@ -1,15 +1,15 @@
-//! What the JSON of glTF 2.0 may hold, as tables: the schemas of appendix A of the specification, and of the extensions that
-//! are read. `extensions`, `extras` and `name` may stand at every object.
+//! Tables of the JSON that glTF 2.0 allows: the schemas of appendix A of the specification, and of the extensions that are read.
+//! Every object may have `extensions`, `extras` and `name`.
 
 use std::f64::consts::FRAC_PI_2;
 
-/// What an object may hold.
+/// The allowed content of an object.
 pub(super) struct Shape {
     pub rules: &'static [Rule],
     pub extensions: &'static [(&'static str, &'static Shape)],
 }
 
-/// What may stand at a key.
+/// The allowed value of a key.
 pub(super) struct Rule {
     pub key: &'static str,
     pub kind: Kind,
@@ -18,7 +18,7 @@ pub(super) struct Rule {
 
 /// Types of values.
 pub(super) enum Kind {
-    /// Checked where it is read, or not read.
+    /// Not checked here: either checked where it is read, or not read.
     Any,
     Flag,
     Text,
@@ -27,12 +27,12 @@ pub(super) enum Kind {
         most: u64,
         step: u64,
     },
-    /// An index into the list of that name.
+    /// An index into the list with that name.
     Index(&'static str),
-    /// Several, each once.
+    /// A list of indices without duplicates.
     Indices(&'static str),
     Number(Range),
-    /// So many, or at least one.
+    /// A list of `count` numbers, or of at least one.
     Numbers {
         count: Option<usize>,
         range: Range,
@@ -41,34 +41,34 @@ pub(super) enum Kind {
     Code(&'static [u64], Beyond),
     Object(&'static Shape),
     Objects(&'static Shape),
-    /// Accessors by name.
+    /// An object that maps names to accessors.
     Attributes,
-    /// Several of those.
+    /// A list of `Attributes`.
     Targets,
-    /// A list of texts.
+    /// A list of strings.
     Names,
 }
 
-/// What is done with a value that is not allowed.
+/// Treatment of a value that is not allowed.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Beyond {
     /// The file is refused.
     Refuse,
-    /// The nearest that is allowed, with a warning.
+    /// The nearest allowed value is used, with a warning.
     Cut,
-    /// As it is, with a warning.
+    /// The value is kept, with a warning.
     Keep,
-    /// As if it were not there, with a warning.
+    /// The value is ignored, with a warning.
     Drop,
 }
 
-/// Which numbers are allowed.
+/// A range of allowed numbers.
 pub(super) struct Range {
     pub least: f64,
     pub most: f64,
-    /// Whether `least` itself is not allowed.
+    /// Whether `least` itself is excluded.
     pub is_open: bool,
-    /// One more that is.
+    /// One more allowed number.
     pub also: Option<f64>,
     pub below: Beyond,
     pub above: Beyond,
@@ -80,7 +80,7 @@ const ANY: Range = range(f64::NEG_INFINITY, f64::INFINITY, Refuse, Refuse);
 const SHARE: Range = range(0.0, 1.0, Cut, Cut);
 const FROM_ZERO: Range = range(0.0, f64::INFINITY, Refuse, Refuse);
 const ABOVE_ZERO: Range = Range { is_open: true, ..FROM_ZERO };
-/// Colours of light, which some programs write brighter than 1.
+/// Light colours, which some programs write brighter than 1.
 const LIGHT: Range = range(0.0, 1.0, Refuse, Keep);
 const ANGLE: Range = range(0.0, FRAC_PI_2, Refuse, Refuse);
 
@@ -302,7 +302,7 @@ static CLEARCOAT: Shape = shape(&[
 
 static EMISSIVE_STRENGTH: Shape = shape(&[may("emissiveStrength", Kind::Number(FROM_ZERO))]);
 
-/// An index of 0 makes all light reflected, for materials made from specular and glossiness.
+/// An index of 0 makes facets reflect all light; converters from specular-glossiness materials use it.
 static IOR: Shape = shape(&[may(
     "ior",
     Kind::Number(Range { also: Some(0.0), ..range(1.0, f64::INFINITY, Refuse, Refuse) }),

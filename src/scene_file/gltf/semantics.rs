@@ -1,4 +1,4 @@
-//! Checks of the document that need more than one object: sizes, formats of attributes, and what must not stand together.
+//! Checks of the document that involve several objects: sizes, formats of attributes, and combinations that are not allowed.
 
 use super::check::Report;
 use super::data::{numbers_of, size_of};
@@ -8,14 +8,15 @@ use gltf::Semantic;
 use gltf::accessor::DataType;
 use serde_json::Value;
 
-/// Farthest from 1 that the length of a unit quaternion may lie by rounding, as the Khronos validator has it: half a step of a signed
-/// byte in each of four numbers.
+/// Largest deviation of a unit quaternion's length from 1 by rounding, as in the Khronos validator: half a step of a signed byte
+/// in each of four numbers.
 const UNIT_TOLERANCE: f64 = 1.0 / 127.0;
 
-/// Cosine between the axes of a matrix up to which they count as perpendicular: half of the digits of single precision.
+/// Largest cosine of the angle between the axes of a matrix at which they count as perpendicular: half of the digits of single
+/// precision.
 const SHEAR_TOLERANCE: f64 = 0.000_345;
 
-/// Checks the document, whose indices are known to lead to something. `json` is what it was made of.
+/// Checks a document whose indices are all valid. `json` is the JSON that it was made from.
 pub(super) fn check(document: &gltf::Document, json: &Value, report: &mut Report) -> Result<(), Failure> {
     for view in document.views() {
         let (end, length) = (view.offset().checked_add(view.length()), view.buffer().length());
@@ -83,8 +84,8 @@ fn check_accessor(accessor: &gltf::Accessor<'_>, report: &mut Report) -> Result<
     Ok(())
 }
 
-/// Numbers of an element and types of the numbers that an attribute may have; `None` for attributes that are not known. The last
-/// are those of KHR_mesh_quantization alone.
+/// Formats of an attribute: numbers per element, types of the numbers, and the types that only KHR_mesh_quantization allows.
+/// `None` for unknown attributes.
 type Formats = (&'static [usize], &'static [(DataType, Option<bool>)], &'static [DataType]);
 
 fn formats_of(semantic: &Semantic, is_target: bool) -> Option<Formats> {

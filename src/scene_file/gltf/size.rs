@@ -1,4 +1,4 @@
-//! What a file takes in memory, found out from its JSON before its data are read.
+//! Memory estimate of a file, from its JSON alone, before its data are read.
 
 use super::container::split_head;
 use super::nodes::{Hierarchy, Pose};
@@ -12,22 +12,22 @@ use std::collections::BTreeSet;
 use std::io;
 use std::path::Path;
 
-/// Bytes of an object of the JSON while the file is read: a node of a search tree, and its copy in the types of the crate.
+/// Bytes of a JSON object while the file is read: a node of a search tree, and its copy in the types of the crate.
 const OBJECT: u64 = 700;
 
-/// Bytes of an item of a list or an object.
+/// Bytes of an item of a JSON list or object.
 const ITEM: u64 = 60;
 
-/// Bytes of a vertex while it is read, beside what stays: positions, and one attribute in turn with its copy.
+/// Additional bytes of a vertex while it is read: the positions, and one attribute at a time with its copy.
 const READING_VERTEX: u64 = 12 + 2 * 16;
 
-/// Bytes that a skin takes for each vertex: the mean of its joints, joints and weights.
+/// Additional bytes of a skin for each vertex: the mean of its joints, and joints and weights.
 const SKINNING_VERTEX: u64 = 104 + 32;
 
-/// Bytes of an index while it is read, and of the triangles made of them.
+/// Bytes of an index while it is read, and of its share of the triangles.
 const READING_INDEX: u64 = 8;
 
-/// Bytes that the JSON of a file takes once it is parsed, told by counting its brackets and commas.
+/// Bytes that the parsed JSON takes, estimated from its number of brackets and commas.
 pub(super) fn of_text(text: &[u8]) -> u64 {
     let (mut objects, mut items, mut inside, mut escaped) = (0u64, 0u64, false, false);
     for byte in text {
@@ -54,7 +54,7 @@ fn triangles_of(mode: Mode, corners: u64) -> u64 {
     }
 }
 
-/// Adds the meshes that the nodes of a scene show to an estimate.
+/// Adds the meshes in the nodes of a scene to an estimate.
 pub(super) fn add_meshes(document: &gltf::Document, hierarchy: &Hierarchy, estimate: &mut MemoryEstimate) {
     let distinct: BTreeSet<(usize, &Pose)> =
         hierarchy.meshes.iter().map(|placed| (placed.index, &placed.pose)).collect();
@@ -85,7 +85,7 @@ pub(super) fn add_meshes(document: &gltf::Document, hierarchy: &Hierarchy, estim
     };
 }
 
-/// The meshes of a file that a scene file names, all of them, from the JSON alone.
+/// Size of all meshes of a file that a scene file names, from the JSON alone.
 pub(in crate::scene_file) fn declared_gltf_size(path: &Path) -> io::Result<MeshSize> {
     let (text, length) = split_head(path)?;
     let reading = of_text(&text).saturating_add(length);
@@ -110,7 +110,7 @@ pub(in crate::scene_file) fn declared_gltf_size(path: &Path) -> io::Result<MeshS
         size.vertices = size.vertices.saturating_add(vertices);
         size.triangles = size.triangles.saturating_add(triangles);
     }
-    // With coordinates, tangents and colours; files beside this one are read as a whole.
+    // With coordinates, tangents and colours; other files are read as a whole.
     size.reading = size.reading.saturating_add(size.vertices.saturating_mul(BYTES_OF_VERTEX));
     let buffers = list(&value, "buffers");
     let external = buffers.iter().filter(|buffer| buffer.get("uri").is_some());

@@ -1,25 +1,25 @@
-//! Whether a mesh that transmits light and states no volume is a body of glass: closed, or an open sheet.
+//! Decides whether a mesh that transmits light and declares no volume is a closed body of glass or an open sheet.
 
 use crate::scene_file::mesh::{Positions, TriangleMesh};
 
-/// What a mesh is as the border of a body.
+/// A mesh as the boundary of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Closure {
-    /// It has an edge that surfaces do not go on beyond, or has sides that do not agree, or holds nothing.
+    /// It has a boundary edge, an inconsistent orientation, or no volume.
     Open,
-    /// Its fronts face outwards.
+    /// Closed, with its fronts facing outwards.
     Closed,
-    /// Its fronts face inwards.
+    /// Closed, with its fronts facing inwards.
     InsideOut,
 }
 
-/// The number of a place for each vertex of each mesh: exporters split vertices where normals or texture coordinates differ on
-/// both sides of an edge, so that those at the same place are one.
+/// For each vertex of each mesh the number of its position. Exporters split vertices where normals or texture coordinates differ
+/// on both sides of an edge; vertices at the same position are merged here.
 fn weld(meshes: &[&TriangleMesh]) -> Vec<Vec<u32>> {
     let mut places = Vec::new();
     for (number, mesh) in meshes.iter().enumerate() {
         for vertex in 0..mesh.positions.len() as u32 {
-            // Minus zero is the same place as zero.
+            // Negative zero is the same position as zero.
             let key = match &mesh.positions {
                 Positions::Single(positions) => {
                     positions[vertex as usize].map(|x| (f64::from(x) + 0.0).to_bits())
@@ -40,8 +40,8 @@ fn weld(meshes: &[&TriangleMesh]) -> Vec<Vec<u32>> {
     welded
 }
 
-/// What several meshes are together. Each edge must be passed as often one way as the other, and the volume within must not be
-/// what rounding makes of none.
+/// Classifies several meshes as one surface. Each edge must be used equally often in both directions, and the enclosed volume
+/// must exceed rounding errors.
 pub(super) fn closure_of(meshes: &[&TriangleMesh]) -> Closure {
     let welded = weld(meshes);
     let mut edges = Vec::new();
@@ -77,7 +77,7 @@ pub(super) fn closure_of(meshes: &[&TriangleMesh]) -> Closure {
 mod tests {
     use super::*;
 
-    /// A box with the vertices of each face its own, as with flat normals.
+    /// A box whose faces do not share vertices, as with flat normals.
     fn split_box() -> TriangleMesh {
         let mut positions = Vec::new();
         let mut triangles = Vec::new();
@@ -106,12 +106,12 @@ mod tests {
         let mut inverted = closed.clone();
         inverted.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
         assert_eq!(closure_of(&[&inverted]), Closure::InsideOut);
-        // In two parts, either of which is open.
+        // Split into two parts, each of which is open.
         let (mut first, mut second) = (closed.clone(), closed.clone());
         second.triangles = first.triangles.split_off(5);
         assert_eq!(closure_of(&[&first]), Closure::Open);
         assert_eq!(closure_of(&[&first, &second]), Closure::Closed);
-        // Two apart, and one in the other as a hollow.
+        // Two separate bodies, and one with a hollow.
         let moved = |by: f32, scale: f32| {
             let Positions::Single(positions) = &closed.positions else { panic!() };
             let moved = positions.iter().map(|p| p.map(|x| x * scale + by)).collect();

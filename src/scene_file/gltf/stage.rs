@@ -1,5 +1,5 @@
-//! What a file lacks to be a picture: a camera, ground, light and exposure, each only where it has none. Each guess rests on
-//! what the file shows, is said in a line, and has a switch.
+//! Adds what a file lacks to be a picture: a camera, ground, light and exposure, each only where the file has none. Each guess is
+//! based on the content of the file, is reported in one line, and can be switched off.
 
 use super::materials::LUMENS_PER_WATT;
 use crate::math::Bounds3;
@@ -14,22 +14,22 @@ use crate::scene_file::room::{
 use glam::{DAffine3, DVec3};
 use std::f64::consts::{FRAC_PI_4, PI};
 
-/// From the middle of the model to the camera.
+/// Direction from the centre of the model to the camera.
 const VIEW: DVec3 = DVec3::new(0.35, 0.25, 1.0);
-/// The same for a model that is open above and walled on all sides.
+/// The same direction for a model that is open above and has walls on all sides.
 const VIEW_INTO: DVec3 = DVec3::new(0.35, 1.1, 1.0);
 /// Vertical field of view, degrees.
 const FOV: f64 = 30.0;
-/// Room around the model in the picture.
+/// Margin around the model in the picture, as a factor.
 const MARGIN: f64 = 1.12;
-/// Radiance of the studio around, nits.
+/// Radiance of the studio's surroundings, nits.
 const AROUND: f64 = 0.4;
-/// From the middle of the model to the studio's lamp.
+/// Direction from the centre of the model to the studio's lamp.
 const LAMP_FROM: DVec3 = DVec3::new(-0.7, 1.0, 0.8);
 /// Reflectance of the ground.
 const GROUND: f32 = 0.35;
 
-/// What to add.
+/// The user's choices of what to add.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Wishes {
     pub ground: Choice,
@@ -49,7 +49,7 @@ fn triangles_of(description: &SceneDescription) -> Triangles<'_> {
     }))
 }
 
-/// Where a shape stands: from its own space to the world.
+/// Transforms of all placements of a shape, from its own space to the world.
 fn placements<'a>(
     description: &'a SceneDescription,
     shape: &'a ShapeDescription,
@@ -60,7 +60,7 @@ fn placements<'a>(
     above.map(|above| above * shape.transform)
 }
 
-/// Flux of all surfaces that emit, W, largest channel.
+/// Flux of all emitting surfaces, W, largest channel.
 fn emitted_flux(description: &SceneDescription) -> f64 {
     let mut flux = 0.0;
     for shape in &description.shapes {
@@ -89,16 +89,16 @@ fn emitted_flux(description: &SceneDescription) -> f64 {
     flux
 }
 
-/// Where the light of a picture comes from.
+/// Source of the light in a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Source {
     /// Lights of the file.
     Lights,
-    /// Its surfaces that emit.
+    /// Emitting surfaces of the file.
     Emitters,
-    /// Materials that show themselves.
+    /// Unlit materials, which show their colour directly.
     Unlit,
-    /// Nothing in it.
+    /// The file has no light.
     None,
 }
 
@@ -117,13 +117,13 @@ fn source_of(description: &SceneDescription, model: &Model, is_room: bool) -> So
     if description.materials.iter().all(is_unlit) {
         return Source::Unlit;
     }
-    // In the open emitters are the light where they give more than the studio would; in a room they are all there is.
+    // Outside a room, emitters count as the light if their flux exceeds that of the studio; in a room any flux counts.
     let flux = emitted_flux(description);
     let studio = PI * (AROUND + LAMP) / LUMENS_PER_WATT * 4.0 * PI * model.bounds.radius().powi(2);
     if flux > if is_room { 0.0 } else { studio } { Source::Emitters } else { Source::None }
 }
 
-/// Whether the camera stands upright in a world whose z points up.
+/// Whether the camera is upright in a world with z up.
 fn has_z_up(camera: &CameraDescription) -> bool {
     let forward = (camera.at - camera.eye).normalize_or_zero();
     let right = forward.cross(camera.up).normalize_or_zero();
@@ -131,7 +131,7 @@ fn has_z_up(camera: &CameraDescription) -> bool {
     up.z > up.y.abs() && right.z.abs() < right.y.abs()
 }
 
-/// Adds what is missing. A file that shows nothing is left alone.
+/// Adds the missing parts. A file without visible content is left unchanged.
 pub(super) fn complete(description: &mut SceneDescription, wishes: Wishes) {
     let model = Model::of(&triangles_of(description));
     if !model.has_extent() {
@@ -173,7 +173,7 @@ pub(super) fn complete(description: &mut SceneDescription, wishes: Wishes) {
     } else if source == Source::Lights {
         description.film.white += exposure(description, &model.bounds);
         if room.is_some() {
-            // What reaches the camera is up to walls and windows.
+            // The light at the camera depends on walls and windows.
             description.film.exposure = None;
         }
     } else if source == Source::Emitters {
@@ -187,7 +187,7 @@ pub(super) fn complete(description: &mut SceneDescription, wishes: Wishes) {
     );
 }
 
-/// The room that the picture is of, if it is.
+/// The room that the picture shows, if it shows one.
 fn room_of(description: &SceneDescription, wish: Choice, model: &Model, aspect: f64) -> Option<Room> {
     let is_wished = match wish {
         Choice::No => return None,
@@ -201,7 +201,7 @@ fn room_of(description: &SceneDescription, wish: Choice, model: &Model, aspect: 
     }
 }
 
-/// Where a model is seen from that says nothing about it, and that in words.
+/// View direction for a model whose file has no camera, with a description in words.
 fn view_of(description: &SceneDescription, model: &Model) -> (DVec3, &'static str) {
     let middle = MediumStack::of(model.bounds.center(), &triangles_of(description));
     if middle.is_open_above() {
@@ -212,7 +212,7 @@ fn view_of(description: &SceneDescription, model: &Model) -> (DVec3, &'static st
     }
 }
 
-/// Adds the ground where it is wanted, unless it would stand between the camera and the model; what was done, in words.
+/// Adds the ground if it is wanted, unless it would be between the camera and the model. Yields a description of what was done.
 fn ground(
     description: &mut SceneDescription,
     wish: Choice,
@@ -243,9 +243,9 @@ fn ground(
     Some("there is no floor under the model, so a ground is added; --set ground=no leaves it out")
 }
 
-/// Stops by which a white surface in the middle of the model comes to be nearly white.
+/// Stops of exposure that make a white surface at the centre of the model nearly white.
 fn exposure(description: &SceneDescription, bounds: &Bounds3) -> f64 {
-    /// Beyond this the lights are so far off that no guess helps.
+    /// Beyond this the lights are so far away that no guess helps.
     const MOST: f64 = 40.0;
     let irradiance: f64 = description
         .lights
@@ -255,13 +255,13 @@ fn exposure(description: &SceneDescription, bounds: &Bounds3) -> f64 {
                 let distance = (*position - bounds.center()).length().max(0.5 * bounds.radius());
                 intensity.max_element() / (distance * distance)
             }
-            // As bright as where it shines.
+            // Brightness within the cone.
             LightDescription::Spot { position, intensity, .. } => {
                 let distance = (*position - bounds.center()).length().max(0.5 * bounds.radius());
                 intensity.max_element() / (distance * distance)
             }
             LightDescription::Directional { irradiance, .. } => irradiance.max_element(),
-            // Files of glTF have none of these.
+            // glTF has none of these lights.
             LightDescription::EnvironmentMap { .. }
             | LightDescription::Sky { .. }
             | LightDescription::Profile { .. } => 0.0,
@@ -273,7 +273,7 @@ fn exposure(description: &SceneDescription, bounds: &Bounds3) -> f64 {
     if stops.is_finite() { stops.clamp(-MOST, MOST) } else { 0.0 }
 }
 
-/// A camera that sees all of a box from the side that `view` points to.
+/// A camera that sees all of a box from the direction `view`.
 fn framing(bounds: &Bounds3, aspect: f64, view: DVec3, location: &Location) -> CameraDescription {
     let towards = view.normalize_or_zero();
     let right = DVec3::Y.cross(towards).normalize_or_zero();
@@ -285,7 +285,7 @@ fn framing(bounds: &Bounds3, aspect: f64, view: DVec3, location: &Location) -> C
             |bit: usize, axis: usize| if i >> bit & 1 == 0 { bounds.min[axis] } else { bounds.max[axis] };
         DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2)) - center
     });
-    // How far off the eye must be for a corner to be in the picture.
+    // Distance of the eye at which a corner is in the picture.
     let distance = corners.map(|corner| {
         let across = (corner.dot(right).abs() / aspect).max(corner.dot(up).abs());
         corner.dot(towards) + MARGIN * across / half
@@ -303,8 +303,8 @@ fn framing(bounds: &Bounds3, aspect: f64, view: DVec3, location: &Location) -> C
     }
 }
 
-/// Light from all around, and a large soft lamp above on the left; further around where it would be in the picture of the file's
-/// camera, and parallel light, which no camera sees, where it is in the way everywhere.
+/// Adds light from all directions, and a large soft lamp above on the left. Where the file's camera would see the lamp, the lamp
+/// moves around the model; where it would be visible everywhere, parallel light takes its place, which no camera sees.
 fn add_studio(description: &mut SceneDescription, bounds: &Bounds3, aspect: f64, has_own_camera: bool) {
     let location = description.location.clone();
     let mut add_light = |name: &str, value| {
@@ -318,7 +318,7 @@ fn add_studio(description: &mut SceneDescription, bounds: &Bounds3, aspect: f64,
     let lamp_at = |turn: f64| {
         let towards = DAffine3::from_rotation_y(turn).transform_vector3(LAMP_FROM).normalize_or_zero();
         let edge_u = DVec3::Y.cross(towards).normalize_or_zero() * side;
-        // So that the product points at the model.
+        // The cross product of the edges points at the model.
         let edge_v = -towards.cross(edge_u).normalize_or_zero() * side;
         (bounds.center() + towards * distance - 0.5 * (edge_u + edge_v), edge_u, edge_v)
     };

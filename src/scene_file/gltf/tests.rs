@@ -1,4 +1,4 @@
-//! Files written here, and collections of odd ones.
+//! Tests of the glTF importer, with files written here and with collections of unusual files.
 
 use super::*;
 use crate::bsdf::Body;
@@ -9,8 +9,8 @@ use base64::Engine;
 use serde_json::json;
 use std::fs;
 
-/// A right triangle in the plane z = 0, its attributes in turn in one buffer, 32 bytes a vertex: position, normal, uv; then
-/// the indices 0 1 2 as bytes, shorts and integers.
+/// A right triangle in the plane z = 0, with interleaved attributes in one buffer, 32 bytes for each vertex: position, normal,
+/// uv. Then follow the indices 0 1 2 as bytes, shorts and integers.
 fn buffer() -> Vec<u8> {
     let vertices = [[0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let mut bytes = Vec::new();
@@ -30,7 +30,7 @@ fn uri(bytes: &[u8]) -> String {
     )
 }
 
-/// A file with that triangle, indices of four bytes, in a white dielectric.
+/// A file with that triangle in a white dielectric, with indices of four bytes.
 fn triangle() -> Value {
     let bytes = buffer();
     json!({
@@ -70,7 +70,7 @@ fn read(value: &Value) -> Result<SceneDescription, GltfError> {
     read_with(value, &[])
 }
 
-/// The same value with another at some places.
+/// The value with replacements at some paths.
 fn changed(mut value: Value, changes: &[(&str, Value)]) -> Value {
     for (pointer, new) in changes {
         let (parent, key) = pointer.rsplit_once('/').unwrap();
@@ -83,7 +83,7 @@ fn changed(mut value: Value, changes: &[(&str, Value)]) -> Value {
     value
 }
 
-/// Corners of the triangles of all shapes, as in the file.
+/// Corners of the triangles of all shapes, in the coordinates of the file.
 fn corners(description: &SceneDescription) -> Vec<[DVec3; 3]> {
     let mut found = Vec::new();
     for shape in &description.shapes {
@@ -120,7 +120,7 @@ fn indices_of_every_type_and_interleaved_attributes() {
 
 #[test]
 fn sparse_accessors_replace_what_they_name() {
-    // Vertex 2 moves to (0, 5, 0); a second accessor has nothing but sparse data, over zeros.
+    // Vertex 2 moves to (0, 5, 0). A second accessor has only sparse data over zeros.
     let mut bytes = buffer();
     let at = bytes.len();
     bytes.extend([2u8, 0, 0, 0]);
@@ -158,7 +158,7 @@ fn sparse_accessors_replace_what_they_name() {
             }),
         )],
     );
-    // Two corners at the origin: no triangle is left, which is told.
+    // Two corners are at the origin, so no triangle is left, and a warning says so.
     let found = read(&zeros).unwrap();
     assert!(corners(&found).is_empty() && !found.warnings.is_empty());
 }
@@ -181,7 +181,7 @@ fn nodes_place_meshes_and_share_them() {
         ],
     );
     let found = read(&value).unwrap();
-    // One mesh, one group, two places; the flat one is told.
+    // One mesh becomes one group with two instances; a warning counts the flat one.
     assert_eq!((found.groups.len(), found.instances.len()), (1, 2));
     let place = |i: usize| found.instances[i].value.transform.transform_point3(DVec3::X);
     assert!((place(0) - DVec3::new(12.0, 0.0, 0.0)).length() < 1e-6);
@@ -192,12 +192,12 @@ fn nodes_place_meshes_and_share_them() {
     assert_eq!(built.scene.nodes().len(), 2 + 2); // with lamp and ground
 }
 
-/// The words of all warnings.
+/// The text of all warnings.
 fn warnings(description: &SceneDescription) -> String {
     description.warnings.iter().map(|warning| warning.message.as_str()).collect::<Vec<_>>().join("\n")
 }
 
-/// A file with every feature that is read, free of errors by the Khronos validator; the fuzzers begin with it as well.
+/// A file with every supported feature and no errors by the Khronos validator. The fuzzers start from it as well.
 fn rich() -> Value {
     serde_json::from_str(include_str!("../../../fuzz/rich.gltf")).unwrap()
 }
@@ -211,7 +211,7 @@ fn a_file_with_every_feature_is_read() {
     assert_eq!((found.lights.len(), found.groups.len(), found.instances.len()), (2, 1, 2));
 }
 
-/// Every value of the file left out and replaced by others: read or refused, never worse.
+/// Removes and replaces every value of the file: it is either read or refused, and never panics.
 #[test]
 fn every_key_may_be_missing_or_of_another_type() {
     fn pointers(value: &Value, at: &str, found: &mut Vec<String>) {
@@ -241,7 +241,7 @@ fn every_key_may_be_missing_or_of_another_type() {
             Value::Array(items) => drop(items.remove(key.parse().unwrap())),
             _ => unreachable!(),
         }
-        // All others are the driver's business (`examples/mutate.rs`); here one of them in turn.
+        // The driver (`examples/mutate.rs`) tries all others; here each place gets one of them in turn.
         let with = changed(whole.clone(), &[(pointer, others[number % others.len()].clone())]);
         for value in [without, with] {
             tried += 1;
@@ -285,7 +285,7 @@ fn a_camera_must_have_the_projection_that_it_names() {
     assert!(error.contains("cameras[0]: it lacks the projection"), "{error}");
 }
 
-/// What the Khronos validator has nothing against.
+/// Files that the Khronos validator accepts.
 #[test]
 fn valid_files_are_read() {
     for extras in [json!(42), json!("a"), json!([1]), json!(null), json!({ "a": 1 })] {
@@ -308,7 +308,7 @@ fn valid_files_are_read() {
     assert!(said.contains("animations not played") && !said.contains('\n'), "{said}");
 }
 
-/// What the Khronos validator calls an error, and what has no meaning that could be shown.
+/// Files that the Khronos validator calls wrong and that have no meaning to show.
 #[test]
 fn invalid_files_are_refused_by_place() {
     let light = |light: Value| json!({ "KHR_lights_punctual": { "lights": [light] } });
@@ -365,7 +365,7 @@ fn invalid_files_are_refused_by_place() {
     }
 }
 
-/// What the validator calls an error as well, and what can only mean one thing.
+/// Files that the validator calls wrong as well, but that can mean only one thing.
 #[test]
 fn invalid_files_with_a_plain_meaning_are_shown_with_a_warning() {
     let pbr = |key: &str, value: Value| json!([{ "pbrMetallicRoughness": { key: value } }]);
@@ -396,7 +396,7 @@ fn invalid_files_with_a_plain_meaning_are_shown_with_a_warning() {
     }
 }
 
-/// A node that the scene lists, and that is below another one: once, where its parent puts it.
+/// A node that the scene lists and that has a parent is shown once, where its parent places it.
 #[test]
 fn nodes_below_others_are_shown_once() {
     let nodes = json!([{ "children": [1], "translation": [10, 0, 0] }, { "mesh": 0 }]);
@@ -442,7 +442,7 @@ fn files_outside_of_the_folder_need_leave() {
     assert!(try_uri("parts/in.bin", "maybe").unwrap_err().to_string().contains("write yes or no"));
 }
 
-/// A buffer of its own for `values`, and an accessor over it: the changes, for [`changed`].
+/// The changes, for [`changed`], that add an accessor over a new buffer with `values`; yields the accessor's number as well.
 fn with_floats(mut value: Value, kind: &str, values: &[f32]) -> (Value, usize) {
     let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
     let numbers = match kind {
@@ -505,7 +505,7 @@ fn specular_and_glossiness_are_read() {
     assert_eq!((made.factors.specular_colour, made.roughness), (glam::Vec3::new(0.25, 0.5, 0.75), 0.25));
     let normal = ((made.factors.ior - 1.0) / (made.factors.ior + 1.0)).powi(2);
     assert!((normal - 1.0).abs() < 1e-6, "what is specular is reflected as it is");
-    // A picture: alpha is glossiness; that of the rich file has 255, 128, 255 and 0.
+    // With a picture, alpha is glossiness; that of the rich file is 255, 128, 255 and 0.
     let mut rich = rich();
     rich["meshes"][0]["primitives"][0]["material"] = json!(5);
     let found = read(&rich).unwrap();
@@ -514,7 +514,7 @@ fn specular_and_glossiness_are_read() {
     let mean = 1.0 - 0.7 * (255.0 + 128.0 + 255.0) / (4.0 * 255.0);
     assert!((map.texture.mean().y - mean).abs() < 1e-3 && made.roughness == 1.0, "{}", map.texture.mean());
     assert!(made.specular_colour.is_some());
-    // An index of 0 reflects all, too.
+    // An index of 0 reflects all light, too.
     let ior = json!([{ "extensions": { "KHR_materials_ior": { "ior": 0 } } }]);
     let found = read(&changed(triangle(), &[("/materials", ior)])).unwrap();
     assert!(material(&found, 0).factors.ior > 1e6);
@@ -535,7 +535,7 @@ fn morph_targets_have_the_weights_of_the_file() {
     let value = changed(value, &[("/meshes/0/weights", json!([0.5, 0]))]);
     assert_eq!(first(&value), DVec3::Z);
     assert_eq!(first(&changed(value.clone(), &[("/nodes/0/weights", json!([0, 0.25]))])), DVec3::X);
-    // Nodes with weights of their own do not share the mesh.
+    // Nodes with different weights do not share a mesh.
     let nodes = json!([{ "mesh": 0 }, { "mesh": 0, "weights": [1, 0] }, { "mesh": 0 }]);
     let found =
         read(&changed(value.clone(), &[("/nodes", nodes), ("/scenes/0/nodes", json!([0, 1, 2]))])).unwrap();
@@ -543,7 +543,7 @@ fn morph_targets_have_the_weights_of_the_file() {
     assert!(read(&changed(value, &[("/nodes/0/weights", json!([1]))])).is_err());
 }
 
-/// The joints place a skinned mesh, and its node does not.
+/// The joints place a skinned mesh; the node's transform is ignored.
 #[test]
 fn skinned_meshes_stand_as_their_joints_do() {
     let mut inverse = vec![1f32, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
@@ -556,7 +556,7 @@ fn skinned_meshes_stand_as_their_joints_do() {
     let mut value = value;
     value["accessors"].as_array_mut().unwrap().push(joints);
     let joints = value["accessors"].as_array().unwrap().len() - 1;
-    // Joints 0 and 1 of each vertex, in a buffer of their own.
+    // Joints 0 and 1 of each vertex, in a separate buffer.
     let bytes = [0u8, 1, 0, 0].repeat(3);
     value["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 12, "uri": uri(&bytes) }));
     let buffer = value["buffers"].as_array().unwrap().len() - 1;
@@ -584,7 +584,7 @@ fn skinned_meshes_stand_as_their_joints_do() {
     let found = read(&value).unwrap();
     assert_eq!(warnings(&found), "");
     assert_eq!(found.shapes[0].value.transform, DAffine3::IDENTITY);
-    // The first joint moves by 5 along z, the second to y = 10 and turns y to z.
+    // The first joint moves by 5 along z; the second moves to y = 10 and rotates y to z.
     let want = [DVec3::new(0.0, 0.0, 5.0), DVec3::new(1.0, 10.0, 0.0), DVec3::new(0.0, 5.5, 3.0)];
     for (corner, want) in corners(&found)[0].into_iter().zip(want) {
         assert!((corner - want).length() < 1e-5, "{corner} {want}");
@@ -594,7 +594,7 @@ fn skinned_meshes_stand_as_their_joints_do() {
     assert!((normals[0] - glam::Vec3::Z).length() < 1e-5 && (normals[1] + glam::Vec3::Y).length() < 1e-5);
     let off = changed(value.clone(), &[("/skins/0/joints", json!([1]))]);
     assert!(read(&off).unwrap_err().to_string().contains("hangs on joint 1"));
-    // A skin on a mesh without joints changes nothing, and is told.
+    // A skin on a mesh without joints has no effect, and a warning says so.
     let attributes = json!({ "POSITION": 0, "NORMAL": 1 });
     let found = read(&changed(value, &[("/meshes/0/primitives/0/attributes", attributes)])).unwrap();
     assert!(warnings(&found).contains("its mesh no joints"));
@@ -744,17 +744,17 @@ fn cameras_lights_and_what_is_missing() {
     assert!(read_with(&value, &[("variant", "red")]).is_err());
 }
 
-/// What a test needs to know of a picture: whether the scene can be built, and is, or the reason in words.
+/// The result of reading and building a picture's file: success, or the reason of the failure.
 fn read_and_build(path: &Path) -> Result<(), String> {
     let description = gltf_scene(path, &[]).map_err(|error| error.to_string())?;
     let device = Arc::new(Device::new(1).unwrap());
     build_scene(&description, &device, (16, 16)).map(drop).map_err(|error| error.to_string())
 }
 
-/// The collections of malformed files of other readers, where they lie beside the checkout.
+/// The malformed files of other readers' test collections, where they lie beside the checkout.
 #[test]
 fn malformed_collections_are_read_or_told() {
-    /// Which other readers refuse for what is not read here: bounds of accessors, and accessors that nothing uses.
+    /// Files that other readers refuse for content that is not read here: bounds of accessors, and unused accessors.
     const TOLERATED: [&str; 7] = [
         "invalid_elements_float",
         "out_of_range_elements_float",
@@ -800,7 +800,7 @@ fn malformed_collections_are_read_or_told() {
     assert!(seen > 60, "{seen}");
 }
 
-/// Bytes changed at random, and files cut anywhere: read or told, never worse.
+/// Random changes of bytes and files cut at any position: either read or refused, and never a panic.
 #[test]
 fn damaged_files_are_read_or_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -812,7 +812,7 @@ fn damaged_files_are_read_or_told() {
         for _ in 0..1 + round % 4 {
             state = crate::sampling::mix(state);
             let at = state as usize % bytes.len();
-            // Mostly digits, so that the file stays JSON.
+            // Mostly digits, so that the file remains JSON.
             bytes[at] = if state >> 60 < 12 { b'0' + (state >> 40) as u8 % 10 } else { (state >> 40) as u8 };
         }
         if round % 10 == 0 {

@@ -1,4 +1,4 @@
-//! Materials of a file as the nearest models that there are.
+//! Converts materials of a file to the nearest models of this renderer.
 
 use super::Importer;
 use super::error::{Fault, fail};
@@ -11,15 +11,15 @@ use crate::scene_file::diagnostic::suggestion;
 use crate::textures::TextureSlot;
 use std::rc::Rc;
 
-/// What scatters light.
+/// The scattering model.
 #[derive(Clone, Debug)]
 pub(super) enum Base {
     Diffuse(Paint),
-    /// Layers of facets over a base; not the border of a medium.
+    /// Layers of facets over a base, not at an interface between media.
     Layered(LayeredMaterial),
-    /// The same as the border of media of these indices, inside and outside.
+    /// The same at an interface between media with these indices, inside and outside.
     Border(LayeredMaterial, [f64; 2]),
-    /// With the slopes of its facets along the surface and across.
+    /// A metal, with the slopes of its facets along the surface and across.
     Metal {
         metal: Metal,
         slopes: [f64; 2],
@@ -28,20 +28,20 @@ pub(super) enum Base {
         indices: [f64; 2],
         slope: f64,
     },
-    /// Nothing: light passes.
+    /// No surface: light passes.
     Null,
 }
 
-/// A material, and what goes over all of it.
+/// A scattering model with modifiers for the whole surface.
 #[derive(Clone, Debug)]
 pub(super) struct Surface {
     pub base: Base,
-    /// Whether the back is like the front.
+    /// Whether the back side is like the front.
     pub two_sided: bool,
-    /// The share of it that is there.
+    /// Coverage: the share of the surface that is present.
     pub opacity: Option<Amount>,
     pub normal: Option<TextureSlot>,
-    /// Heights over it, in lengths of the scene for one of the picture.
+    /// Bump map, with the height in lengths of the scene for a picture value of one.
     pub bump: Option<(TextureSlot, f64)>,
 }
 
@@ -51,7 +51,7 @@ impl From<Base> for Surface {
     }
 }
 
-/// Layers that reflect nothing by facets.
+/// Layers without any reflection from facets.
 fn matt() -> LayeredParameters {
     LayeredParameters { metallic: 0.0, specular: 0.0, ..LayeredParameters::default() }
 }
@@ -62,7 +62,8 @@ pub(super) fn normal_reflectance(ior: f64) -> f64 {
 }
 
 impl Base {
-    /// The same as layers, for what only these can vary: textures, holes, normals.
+    /// The surface as a layered material, which alone supports textures, cut-outs and normal maps. At an interface, also yields
+    /// the indices of the media.
     pub(super) fn layered(self) -> (LayeredMaterial, Option<[f64; 2]>) {
         match self {
             Self::Diffuse(paint) => {
@@ -98,7 +99,7 @@ impl Base {
     }
 }
 
-/// Roughness and anisotropy, in the terms of glTF, of facets with these slopes.
+/// Roughness and anisotropy in the conventions of glTF, for facets with these slopes.
 pub(super) fn stretched([along, across]: [f64; 2]) -> (f32, [f32; 2]) {
     let (least, most) = (along.min(across).clamp(0.0, 1.0), along.max(across).clamp(0.0, 1.0));
     let strength = if least < 1.0 { ((most - least) / (1.0 - least)).sqrt() } else { 0.0 };
@@ -108,7 +109,7 @@ pub(super) fn stretched([along, across]: [f64; 2]) -> (f32, [f32; 2]) {
 }
 
 impl Importer<'_> {
-    /// The only part of an object that is one of `tag`.
+    /// The only part of an object with the element `tag`.
     pub(super) fn only_part(&mut self, object: &Object, tag: &str) -> Result<Rc<Object>, Fault> {
         let mut parts = self.parts(object, tag)?;
         match (parts.pop(), parts.is_empty()) {
@@ -121,7 +122,7 @@ impl Importer<'_> {
         }
     }
 
-    /// The parts of an object that are of `tag`, in their order.
+    /// The parts of an object with the element `tag`, in their order.
     pub(super) fn parts(&mut self, object: &Object, tag: &str) -> Result<Vec<Rc<Object>>, Fault> {
         let mut parts = Vec::new();
         for property in &object.properties {
@@ -136,7 +137,7 @@ impl Importer<'_> {
         Ok(parts)
     }
 
-    /// The material that an object is.
+    /// Converts an object to a material.
     pub(super) fn surface(&mut self, object: &Rc<Object>) -> Result<Surface, Fault> {
         let key = Rc::as_ptr(object);
         if let Some(known) = self.surfaces.get(&key) {
@@ -218,7 +219,7 @@ impl Importer<'_> {
 }
 
 impl Surface {
-    /// Nothing goes over it.
+    /// Whether the surface has no modifiers.
     pub(super) fn is_bare(&self) -> bool {
         self.opacity.is_none() && self.normal.is_none() && self.bump.is_none()
     }

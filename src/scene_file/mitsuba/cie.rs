@@ -1,13 +1,13 @@
-//! The observer and the daylight by which spectra become colours: tables of the CIE, in steps of 5 nm. Beyond 780 nm is less than
-//! a hundred-thousandth of what is seen.
+//! The observer and the daylight for the conversion of spectra to colours: tables of the CIE, in steps of 5 nm. Less than a
+//! hundred-thousandth of the response lies beyond 780 nm.
 
 /// Wavelength of the first row, nm.
 pub(super) const FIRST: f64 = 360.0;
 
-/// From row to row, nm.
+/// Step between rows, nm.
 pub(super) const STEP: f64 = 5.0;
 
-/// Colour matching functions of the observer of 1931 with 2 degrees (x, y, z), and the power of illuminant D65.
+/// Colour matching functions of the 2-degree observer of 1931 (x, y, z), and the power of illuminant D65.
 #[rustfmt::skip]
 pub(super) const ROWS: [[f64; 4]; 85] = [
     [0.0001299, 3.917e-06, 0.0006061, 46.6383],

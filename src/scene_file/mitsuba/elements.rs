@@ -10,7 +10,7 @@ use crate::scene_file::diagnostic::suggestion;
 use glam::{DAffine3, DVec3};
 use std::rc::Rc;
 
-/// Elements that are objects.
+/// Elements that define objects.
 const OBJECTS: [&str; 14] = [
     "integrator",
     "sensor",
@@ -28,7 +28,7 @@ const OBJECTS: [&str; 14] = [
     "camera",
 ];
 
-/// `intIOR` as `int_ior`.
+/// Converts old names to new ones: `intIOR` to `int_ior`.
 fn in_letters_of_today(name: &str) -> String {
     let mut today = String::with_capacity(name.len() + 4);
     let mut before = ' ';
@@ -43,7 +43,7 @@ fn in_letters_of_today(name: &str) -> String {
 }
 
 impl Parser<'_> {
-    /// The parameter or part that an element is.
+    /// The parameter or part that an element defines.
     pub(super) fn property(&mut self, element: &Element) -> Result<Option<Property>, Fault> {
         let place = element.place.clone();
         let tag = element.tag.as_str();

@@ -1,10 +1,10 @@
-//! What is wrong with a file, before the line itself is put beside it.
+//! Errors of the Mitsuba importer, before the source line is added to them.
 
 use super::xml::Place;
 use crate::scene_file::diagnostic::{Diagnostic, SceneFileError, SourceText};
 use std::path::PathBuf;
 
-/// One thing wrong: where, what, and what to do.
+/// One problem: the place, what is wrong, and what to do.
 #[derive(Debug)]
 pub(super) struct Problem {
     pub place: Place,
@@ -12,10 +12,10 @@ pub(super) struct Problem {
     pub remedy: String,
 }
 
-/// A problem behind a pointer, so that results stay small.
+/// A boxed problem, so that results stay small.
 pub(super) type Fault = Box<Problem>;
 
-/// Refuses something at a place.
+/// Fails with a problem at a place.
 pub(super) fn fail<T>(
     place: &Place,
     message: impl Into<String>,
@@ -28,14 +28,14 @@ pub(super) fn fault(place: &Place, message: impl Into<String>, remedy: impl Into
     Box::new(Problem { place: place.clone(), message: message.into(), remedy: remedy.into() })
 }
 
-/// Texts of the files that were read, for messages that repeat a line.
+/// The texts of all files that were read, for messages that quote a line.
 #[derive(Debug, Default)]
 pub(super) struct Sources {
     files: Vec<(PathBuf, String)>,
 }
 
 impl Sources {
-    /// Keeps a text, and yields its number.
+    /// Stores a text and yields its number.
     pub(super) fn add(&mut self, path: PathBuf, text: String) -> usize {
         self.files.push((path, text));
         self.files.len() - 1
@@ -51,7 +51,7 @@ impl Sources {
         self.files.get(number).map(|(path, text)| (path, text.as_str()))
     }
 
-    /// What a user is told.
+    /// The error in the form that the user sees.
     pub(super) fn told(&self, problem: Problem) -> SceneFileError {
         let Problem { place, message, remedy } = problem;
         let diagnostic: Diagnostic = match self.get(place.file) {

@@ -1,24 +1,24 @@
-//! What rough facets let pass, for the diffuse base of `roughplastic`: Mitsuba multiplies it by what facets transmit on the way in and on the
-//! way out, of which shadowing and masking take a part; the layers here lose nothing to them. One factor on the base makes the
-//! diffuse part as bright under even light.
+//! Transmission through rough facets, for the diffuse base of `roughplastic`. Mitsuba multiplies the base by the transmission of
+//! the facets on the way in and on the way out, which shadowing and masking reduce. The layers of this renderer lose no light to
+//! shadowing and masking. A single factor on the base makes the diffuse part equally bright under uniform light.
 
 use crate::bsdf::fresnel_dielectric;
 use std::f64::consts::TAU;
 
-/// Distribution of the slopes of facets.
+/// Distribution of the facets' slopes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Distribution {
     Ggx,
     Beckmann,
 }
 
-/// Steps over cosines, slopes and azimuths.
+/// Steps of the numerical integration over cosines, slopes and azimuths.
 const COSINES: usize = 24;
 const SLOPES: usize = 48;
 const AZIMUTHS: usize = 16;
 
 impl Distribution {
-    /// The squared tangent of the facets below which lies this share of the projected area.
+    /// The squared tangent of the facet angle below which `share` of the projected area lies.
     fn tan_squared(self, share: f64, alpha: f64) -> f64 {
         match self {
             Self::Ggx => alpha * alpha * share / (1.0 - share),
@@ -42,8 +42,9 @@ impl Distribution {
         }
     }
 
-    /// The mean over a facet of what `of` says for the cosine between direction and facet, and the direction that it sends light to (as
-    /// the cosine with the surface): of the light that arrives from a direction of this cosine.
+    /// Mean over the facets for light from a direction with this cosine. `of` maps the cosine between direction and facet, and
+    /// the cosine between facet and surface, to the share of the light that the facet passes on and the cosine of the direction
+    /// in which it leaves.
     fn mean(self, cosine: f64, alpha: f64, of: &dyn Fn(f64, f64) -> (f64, f64)) -> f64 {
         let sine = (1.0 - cosine * cosine).sqrt();
         let mut sum = 0.0;
@@ -67,18 +68,19 @@ impl Distribution {
         sum / (SLOPES * AZIMUTHS) as f64
     }
 
-    /// Transmitted through facets from outside, to a medium of relative index `eta`.
+    /// Light transmitted through facets from outside, into a medium of relative index `eta`.
     fn transmitted(self, cosine: f64, alpha: f64, eta: f64) -> f64 {
         self.mean(cosine, alpha, &|on_facet, up| {
             let share = 1.0 - f64::from(fresnel_dielectric(on_facet as f32, eta as f32));
             let inside = (1.0 - (1.0 - on_facet * on_facet) / (eta * eta)).max(0.0).sqrt();
-            // Along -m, but for what is left of the direction across it.
+            // Cosine of the refracted direction `(on_facet / eta - inside) m - w / eta`, for the facet normal m and the incident
+            // direction w.
             let leaves = (on_facet / eta - inside) * up - cosine / eta;
             (if leaves < 0.0 { share } else { 0.0 }, leaves)
         })
     }
 
-    /// Reflected by facets, by `fresnel` of the cosine with the facet.
+    /// Light reflected by facets; `fresnel` is the reflectance for a cosine with the facet.
     fn reflected(self, cosine: f64, alpha: f64, fresnel: &dyn Fn(f64) -> f64) -> f64 {
         self.mean(cosine, alpha, &|on_facet, up| {
             let leaves = 2.0 * on_facet * up - cosine;
@@ -87,12 +89,12 @@ impl Distribution {
     }
 }
 
-/// The mean over the hemisphere, weighted by the cosine.
+/// Cosine-weighted mean over the hemisphere.
 fn over_hemisphere(of: impl Fn(f64) -> f64) -> f64 {
     (0..COSINES).map(|i| of(((i as f64 + 0.5) / COSINES as f64).sqrt())).sum::<f64>() / COSINES as f64
 }
 
-/// The factor on the diffuse base of a plastic of relative index `eta` with facets of this slope.
+/// The factor on the diffuse base of a plastic with relative index `eta` and facets of this slope.
 pub(super) fn diffuse_factor(distribution: Distribution, alpha: f64, eta: f64) -> f64 {
     if alpha < 1e-3 || eta < 1.001 {
         return 1.0;
@@ -111,7 +113,7 @@ pub(super) fn diffuse_factor(distribution: Distribution, alpha: f64, eta: f64) -
 mod tests {
     use super::*;
 
-    /// Smooth facets need no factor, but for what Schlick's formula differs; and rougher ones lose more.
+    /// Smooth facets need no factor, apart from the error of Schlick's formula; rougher facets lose more light.
     #[test]
     fn rough_facets_darken_the_base() {
         for distribution in [Distribution::Ggx, Distribution::Beckmann] {
@@ -123,7 +125,7 @@ mod tests {
         assert!(diffuse_factor(Distribution::Ggx, 1.0, 9.0).is_finite());
     }
 
-    /// What facets that reflect everything send up again is below one, and is one where they are smooth.
+    /// The upward reflection of fully reflecting facets is below one, and is one where they are smooth.
     #[test]
     fn masking_takes_a_part() {
         let all = |_: f64| 1.0;

@@ -1,4 +1,4 @@
-//! Indices of refraction by name.
+//! Indices of refraction by the name of the material.
 
 use crate::bsdf::{METALS, Metal};
 use crate::math::Rgb;
@@ -30,18 +30,18 @@ pub(super) const MEDIA: &[(&str, f64)] = &[
     ("diamond", 2.419),
 ];
 
-/// The index of a medium, whatever the letters of its name.
+/// The index of a medium; the case of its name does not matter.
 pub(super) fn medium(name: &str) -> Option<f64> {
     MEDIA.iter().find(|(known, _)| known.eq_ignore_ascii_case(name.trim())).map(|(_, index)| *index)
 }
 
-/// Chemical symbols of the metals that scene files of cardioid know, and what they are called there.
+/// Chemical symbols of the metals that cardioid's scene files support, and their names there.
 const NAMED: [(&str, &str); 4] = [("Al", "aluminium"), ("Ag", "silver"), ("Au", "gold"), ("Cu", "copper")];
 
-/// `eta` and `k` of other metals, made of measurements of refractiveindex.info (public domain) in the way of [`METALS`]: Johnson & Christy
-/// 1974 (Co, Cr, Fe, Ni, Pd, Ti, V), Rakic et al. 1998 (Be), Inagaki et al. (Hg 1981, Na 1976), Smith 1969 (K), Mathewson & Myers 1971 (Li), Querry
-/// 1987 (Mo), Weaver et al. (Nb 1973, Rh 1977, W 1975), Ciesielski et al. 2018 (Te). Each channel is within 0.003 of the reflectances that it was
-/// fitted to.
+/// `eta` and `k` of other metals, computed like [`METALS`] from measurements of refractiveindex.info (public domain): Johnson &
+/// Christy 1974 (Co, Cr, Fe, Ni, Pd, Ti, V), Rakic et al. 1998 (Be), Inagaki et al. (Hg 1981, Na 1976), Smith 1969 (K), Mathewson
+/// & Myers 1971 (Li), Querry 1987 (Mo), Weaver et al. (Nb 1973, Rh 1977, W 1975), Ciesielski et al. 2018 (Te). Each channel is
+/// within 0.003 of the reflectances that it was fitted to.
 #[rustfmt::skip]
 const MEASURED: [(&str, [f32; 3], [f32; 3]); 17] = [
     ("Be", [3.4218, 3.3040, 3.0559], [3.1836, 3.1307, 3.1250]),
@@ -63,12 +63,12 @@ const MEASURED: [(&str, [f32; 3], [f32; 3]); 17] = [
     ("W", [3.6361, 3.4940, 3.3136], [2.9239, 2.7476, 2.5057]),
 ];
 
-/// The symbols that are known.
+/// The supported symbols.
 pub(super) fn symbols() -> impl Iterator<Item = &'static str> {
     NAMED.iter().map(|(symbol, _)| *symbol).chain(MEASURED.iter().map(|(symbol, ..)| *symbol))
 }
 
-/// The metal of a symbol; tables of several sources (`Cu_palik`) are one.
+/// The metal of a symbol; the tables of different sources (`Cu_palik`) are treated as one.
 pub(super) fn metal(symbol: &str) -> Option<Metal> {
     let symbol = symbol.trim().trim_end_matches("_palik");
     if let Some((_, eta, k)) = MEASURED.iter().find(|(known, ..)| known.eq_ignore_ascii_case(symbol)) {

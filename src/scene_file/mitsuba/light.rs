@@ -12,14 +12,14 @@ use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
 use std::rc::Rc;
 
-/// Turbidities that the model of the sky covers.
+/// Turbidities in the range of the sky model.
 const TURBIDITIES: std::ops::RangeInclusive<f64> = 1.0..=10.0;
 
-/// Half angles of a cone, degrees.
+/// Range of half angles of a cone, degrees.
 const ANGLES: std::ops::RangeInclusive<f64> = 0.001..=180.0;
 
-/// Axes of unit length at right angles, perhaps mirrored; `None` where a matrix flattens. With whether they differ from the matrix by
-/// more than one scale.
+/// Orthonormal axes, possibly mirrored, and whether the matrix differs from them by more than a uniform scale. `None` for a
+/// singular matrix.
 fn axes_of(matrix: DMat3) -> Option<(DMat3, bool)> {
     const TOLERANCE: f64 = 1e-4;
     let y = unit_f64(matrix.y_axis)?;
@@ -31,21 +31,22 @@ fn axes_of(matrix: DMat3) -> Option<(DMat3, bool)> {
     axes.is_finite().then_some((axes, differs))
 }
 
-/// The turn around y, counter-clockwise from above, that axes are; `None` where they are another rotation.
+/// The rotation about y, counter-clockwise as seen from above, that these axes represent; `None` where they represent another
+/// rotation.
 fn turn_of(axes: &DMat3) -> Option<f64> {
     const TOLERANCE: f64 = 1e-9;
     let is_upright = (axes.y_axis - DVec3::Y).abs().max_element() < TOLERANCE && axes.determinant() > 0.0;
     is_upright.then(|| axes.z_axis.x.atan2(axes.z_axis.z))
 }
 
-/// The angle up to which the intensity is full, so that a cone with an edge that falls with the square of the cosine has the flux
-/// of one that falls evenly in the angle from `beam` to `cutoff` (radians).
+/// The angle up to which the intensity is constant. It is chosen so that a cone whose edge falls off with the square of the
+/// cosine has the flux of a cone that falls off linearly in the angle from `beam` to `cutoff` (radians).
 pub(super) fn inner_angle(beam: f64, cutoff: f64) -> f64 {
     let one_minus_cos = |angle: f64| 2.0 * (0.5 * angle).sin().powi(2);
     let width = cutoff - beam;
-    // Flux over 2 pi, for an intensity of one.
+    // Flux divided by 2 pi, for an intensity of one.
     let flux = if width > 1e-9 { 1.0 - (cutoff.sin() - beam.sin()) / width } else { one_minus_cos(cutoff) };
-    // Full up to x = 1 - cos, and a third of the rest.
+    // Full intensity up to x = 1 - cos, and a third of the rest.
     let full = (0.5 * (3.0 * flux - one_minus_cos(cutoff))).clamp(0.0, one_minus_cos(cutoff));
     (1.0 - full).clamp(-1.0, 1.0).acos().clamp(0.0, cutoff)
 }
@@ -57,7 +58,7 @@ impl Importer<'_> {
         self.description.light_photons.push(1.0);
     }
 
-    /// Adds an emitter at the top of the scene.
+    /// Adds an emitter at the top level of the scene.
     pub(super) fn light(&mut self, object: &Rc<Object>) -> Result<(), Fault> {
         let meaning = Meaning::Light { is_old: object.is_old };
         self.ignore(object, &["sampling_weight", "samples"], "lights are chosen by what they give");
@@ -133,7 +134,7 @@ impl Importer<'_> {
                 if differs {
                     self.report.note(object, "its transform is taken for the nearest rotation");
                 }
-                // Here the middle of the picture is at -z, there its edge.
+                // The middle of the picture is at -z here; in Mitsuba its edge is there.
                 let (turn, axes) = match turn_of(&axes) {
                     Some(turn) => (turn + PI, None),
                     None => (PI, Some(axes)),
@@ -191,7 +192,7 @@ impl Importer<'_> {
         self.ignore(object, &ignored, "the sun has the size that it has, and the sky is that of its model");
         let known = ["turbidity", "albedo", "scale", "sky_scale", "sun_scale", "sun_direction", "to_world"];
         self.finish(object, &known)?;
-        // Today's sky has z up, that before 2.0 has y up, as here.
+        // The sky of current versions has z up; that of versions before 2.0 has y up, as here.
         let upright =
             if object.is_old { DMat3::IDENTITY } else { DMat3::from_cols(DVec3::X, DVec3::Z, DVec3::NEG_Y) };
         let Some((axes, _)) = axes_of(to_world.matrix3 * upright) else {
@@ -233,7 +234,7 @@ mod tests {
     use super::*;
     use crate::lights::Cone;
 
-    /// The cone has the flux of the one that falls evenly in the angle, by sums over it.
+    /// The cone has the flux of a cone that falls off linearly in the angle, which is integrated numerically.
     #[test]
     fn cones_have_the_flux_of_the_file() {
         for (beam, cutoff) in [(15.0, 30.0), (0.0, 20.0), (20.0, 20.0), (1.0, 80.0), (60.0, 120.0)] {
@@ -248,7 +249,7 @@ mod tests {
                 })
                 .sum();
             let cone = Cone::new(inner_angle(beam, cutoff), cutoff);
-            // The narrowest edge is 0.001 wide in the cosine, of which two thirds are missing.
+            // The narrowest edge is 0.001 wide in the cosine, and two thirds of its flux are missing.
             let bound = 1e-3 + 0.7e-3 / (1.0 - cutoff.cos());
             let ratio = cone.flux() / flux;
             assert!((ratio - 1.0).abs() < bound, "{beam} {cutoff}: {ratio}");

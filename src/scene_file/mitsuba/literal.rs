@@ -1,4 +1,4 @@
-//! Numbers, vectors and matrices as texts.
+//! Parses numbers, vectors and matrices.
 
 use super::error::{Fault, fail};
 use super::spectrum::Spectrum;
@@ -6,7 +6,7 @@ use super::value::{Value, shown};
 use super::xml::Place;
 use glam::{DAffine3, DMat3, DVec3};
 
-/// x to the left, y up, z to the target, as sensors and emitters have it.
+/// A look-at transform as sensors and emitters use it: x to the left, y up, z to the target.
 pub(super) fn look_at(origin: DVec3, target: DVec3, up: DVec3, place: &Place) -> Result<DAffine3, Fault> {
     let Some(forward) = crate::math::unit_f64(target - origin) else {
         return fail(place, "`origin` and `target` are the same point", "move one of them");
@@ -47,7 +47,7 @@ pub(super) fn tokens(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| c == ',' || c.is_whitespace()).filter(|token| !token.is_empty())
 }
 
-/// A finite number.
+/// Parses a finite number.
 pub(super) fn number(text: &str, place: &Place) -> Result<f64, Fault> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
@@ -67,7 +67,7 @@ pub(super) fn triple(text: &str, place: &Place) -> Result<DVec3, Fault> {
     }
 }
 
-/// `value`, or `x`, `y` and `z`, which are `usual` where they are left out.
+/// Parses `value`, or `x`, `y` and `z`, which default to `usual`.
 pub(super) fn vector(
     [value, x, y, z]: [Option<String>; 4],
     usual: f64,
@@ -84,7 +84,7 @@ pub(super) fn vector(
     }
 }
 
-/// The value of an element that holds one.
+/// The value of an element that holds a single value.
 pub(super) fn plain(tag: &str, text: &str, place: &Place) -> Result<Value, Fault> {
     Ok(match tag {
         "float" => Value::Float(number(text, place)?),

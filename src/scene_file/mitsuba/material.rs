@@ -1,4 +1,5 @@
-//! From what a material is to how a scene describes it: as plain a model as will do, and what its shape must bring along.
+//! Converts surfaces to materials of a scene description: the simplest model that suffices, and the vertex data that a shape must
+//! provide for it.
 
 use super::Importer;
 use super::bsdf::{Base, Surface};
@@ -12,26 +13,26 @@ use glam::DVec3;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Indices that differ by less, as shares, are of the same medium; what is less above 1 is air.
+/// Relative difference below which two indices belong to the same medium; an index this close to 1 is air.
 const SAME_INDEX: f64 = 1e-3;
 
-/// What fills the inside of a shape beside its index.
+/// Properties of a shape's interior, besides the index.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Inside {
-    /// 1/m.
+    /// Absorption coefficient, 1/m.
     pub absorption: DVec3,
 }
 
-/// What a shape of a material must have.
+/// The vertex data that a material requires of its shape.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Needs {
-    /// Data of vertices at all.
+    /// Any vertex data.
     pub data: bool,
     /// Texture coordinates.
     pub coordinates: bool,
-    /// Tangents, which say how normals or anisotropy lie.
+    /// Tangents, which orient normal maps and anisotropy.
     pub tangents: bool,
-    /// Colours of vertices.
+    /// Vertex colours.
     pub colours: bool,
 }
 
@@ -41,7 +42,7 @@ impl Needs {
     }
 }
 
-/// A material of the description.
+/// A material that was added to the description.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Finished {
     pub number: usize,
@@ -49,7 +50,7 @@ pub(super) struct Finished {
 }
 
 impl Importer<'_> {
-    /// The number of a medium of this index and absorption.
+    /// The number of a medium with this index and absorption, which is added if it is new.
     fn medium(&mut self, ior: f64, absorption: DVec3, object: &Object) -> usize {
         let ior = ior.max(1.0);
         let same = |medium: &Named<MediumDescription>| {
@@ -71,11 +72,11 @@ impl Importer<'_> {
         self.description.media.len() - 1
     }
 
-    /// Media on the side away from the normal and on its side, of a border with these indices.
+    /// Media at an interface with these indices: the side away from the normal, then the side of the normal.
     fn border(&mut self, [inside, outside]: [f64; 2], within: Inside, object: &Object) -> [usize; 2] {
         let is_air = |index: f64| (index - 1.0).abs() < SAME_INDEX;
         let (inside, outside) = match inside / outside {
-            // Thinner than air: a bubble, and what is around it has the index.
+            // An index below that of air is a bubble; the medium around it gets the index.
             ratio if is_air(outside) && ratio < 1.0 => (1.0, 1.0 / ratio),
             ratio if is_air(outside) => (ratio, 1.0),
             _ if inside < 1.0 => (1.0, outside / inside),
@@ -84,7 +85,7 @@ impl Importer<'_> {
         [self.medium(inside, within.absorption, object), self.medium(outside, DVec3::ZERO, object)]
     }
 
-    /// Adds the material of a shape, once for each kind of inside. `glow` dims the emission of its surface.
+    /// Adds the material of a shape, once for each kind of interior. `glow` scales the emission of its surface.
     pub(super) fn material(
         &mut self,
         bsdf: &Rc<Object>,
@@ -170,12 +171,12 @@ impl Importer<'_> {
         MaterialDescription::Layered { material: Arc::new(material), media }
     }
 
-    /// Lets the share of the rays pass that a mask says.
+    /// Applies a mask: a share of the rays passes through the surface.
     fn cut(&mut self, bsdf: &Object, material: &mut LayeredMaterial, opacity: Amount) {
         material.coverage = Coverage::Blend;
         match (opacity, &material.base) {
             (Amount::Plain(share), None) => material.alpha = share.clamp(0.0, 1.0) as f32,
-            // The alpha of its own picture, which the file does not mean, would count.
+            // The alpha of its own picture would count as well, which the file does not mean.
             (Amount::Plain(share), Some(slot)) => {
                 material.alpha = share.clamp(0.0, 1.0) as f32;
                 let mean = slot.texture.mean().w;
@@ -198,9 +199,9 @@ impl Importer<'_> {
     }
 }
 
-/// The colours of one picture and the alpha of another that lies in the same way, in the size of the first.
+/// The colours of one picture with the alpha of another that has the same mapping, in the larger of the two sizes.
 fn combined(colours: &TextureSlot, mask: &TextureSlot) -> Option<TextureSlot> {
-    /// More texels than that are not looked up one by one.
+    /// Pictures with more texels are not combined.
     const MOST: u64 = 1 << 26;
     let is_same = colours.transform == mask.transform && colours.sampler.wrap == mask.sampler.wrap;
     let [a, b] = [colours.texture.size(), mask.texture.size()];

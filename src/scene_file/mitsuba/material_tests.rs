@@ -1,4 +1,4 @@
-//! Materials and textures.
+//! Tests of the import of materials and textures.
 
 use super::mitsuba_scene_within;
 use super::tests::{layered, material, read, scene};
@@ -21,7 +21,7 @@ fn borders_have_media_of_their_indices() {
     };
     assert_eq!(indices("1.5", "1"), [1.5, 1.0]);
     assert_eq!(indices("1.5", "1.33"), [1.5, 1.33]);
-    // A bubble: what is around it has the index.
+    // A bubble: the medium around it gets the index.
     let [inside, outside] = indices("0.763", "1");
     assert!(inside == 1.0 && (outside - 1.0 / 0.763).abs() < 1e-12);
     let (_, scene) =
@@ -45,7 +45,7 @@ fn an_interior_absorbs() {
         scene.media.iter().map(|medium| (medium.value.ior > 1.4, medium.value.absorption)).collect();
     assert!(absorption.contains(&(true, DVec3::new(6.0, 3.0, 1.5))), "{absorption:?}");
     assert!(absorption.contains(&(false, DVec3::new(6.0, 3.0, 1.5))), "{absorption:?}");
-    // What is nothing with nothing in it is not there.
+    // A null surface without a medium inside adds no shape.
     assert_eq!(scene.shapes.len(), 2);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     let scene = glass("<rgb name=\"sigma_t\" value=\"2\"/><float name=\"albedo\" value=\"0.5\"/>");
@@ -88,7 +88,8 @@ fn metals_are_by_name_or_index() {
     );
 }
 
-/// The diffuse base of a plastic with an index of 1.5: what light inside meets is 0.596 (Egan & Hilgeman 1973).
+/// The diffuse base of a plastic with an index of 1.5: its internal reflectance for diffuse light is 0.596 (Egan & Hilgeman
+/// 1973).
 #[test]
 fn light_in_plastic_is_thrown_back() {
     assert!((super::models::internal_reflectance(1.5) - 0.5963).abs() < 1e-3);
@@ -109,7 +110,7 @@ fn sheets_and_principled_materials_are_layers() {
         "<bsdf type=\"thindielectric\"><float name=\"int_ior\" value=\"1.5\"/><float name=\"ext_ior\" value=\"1\"/></bsdf>",
     );
     assert_eq!((sheet.factors.body, sheet.factors.transmission), (Body::Thin, 1.0));
-    // Both sides reflect 4 %, and what goes back and forth adds to it: 2 R / (1 + R).
+    // Both sides reflect 4 %, and interreflection between them adds to it: 2 R / (1 + R).
     let normal = sheet.factors.specular_colour.x * 0.04;
     assert!((normal - 0.08 / 1.04).abs() < 1e-6, "{normal}");
     let paint = layered(
@@ -181,7 +182,7 @@ fn pictures_lie_on_meshes_with_coordinates() {
     assert_eq!(slot.coordinates([Vec2::new(0.5, 0.25); 2]), Vec2::new(2.0, 0.5));
     assert_eq!(slot.sampler.wrap, [crate::textures::Wrap::Mirror; 2]);
     assert!(scene_of.further_files.contains(&picture));
-    // Light from a picture: its mean counts for the flux, its brightest colour is the factor.
+    // Emission from a picture: its mean determines the flux, and its brightest colour is the factor.
     let glow = scene(&format!(
         "<shape type=\"rectangle\"><emitter type=\"area\">{}</emitter></shape>",
         bitmap("radiance", "")
@@ -192,7 +193,7 @@ fn pictures_lie_on_meshes_with_coordinates() {
         panic!()
     };
     assert!((material.emission.as_ref().unwrap().texture.mean().x - 0.5).abs() < 1e-3);
-    // Slopes are kept as their roots, where layers have them: 1 squared twice over, and 0.
+    // Layers store the square roots of slopes: the root of 1, and 0.
     let rough = scene(&format!(
         "<shape type=\"rectangle\"><bsdf type=\"roughplastic\">{}</bsdf></shape>",
         bitmap("alpha", "<boolean name=\"raw\" value=\"true\"/>")
@@ -203,7 +204,7 @@ fn pictures_lie_on_meshes_with_coordinates() {
         panic!()
     };
     assert_eq!((material.roughness, material.metallic_roughness.is_some()), (1.0, true));
-    // A mask on a colour: the alpha of the picture.
+    // A mask on a colour becomes the alpha of the picture.
     let masked = scene(&format!(
         "<shape type=\"sphere\"><bsdf type=\"mask\">{}<bsdf type=\"diffuse\"/></bsdf></shape>",
         bitmap("opacity", "")
@@ -227,12 +228,12 @@ fn pictures_lie_on_meshes_with_coordinates() {
     assert!(material.normal.is_some());
     let GeometryDescription::Gltf { data, .. } = &bumped.shapes[0].value.geometry else { panic!() };
     assert_eq!(data.tangents[0], (Vec3::X, 1.0));
-    // What is no picture is told.
+    // A file that is not a picture is reported.
     fs::write(&picture, b"\0\0\x03\0").unwrap();
     assert!(read(&body).unwrap_err().contains("cannot be read"));
 }
 
-/// What a mesh under a picture takes is asked before it is read; others are asked when the scene is built.
+/// The memory for a mesh under a picture is checked before the mesh is read; other meshes are checked when the scene is built.
 #[test]
 fn memory_is_asked_for_before_meshes_are_read() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Scenes of Mitsuba (XML, versions 0.5 to 3) by themselves. What becomes of each part is in `docs/mitsuba.md`.
+//! Importer for Mitsuba scenes (XML, versions 0.5 to 3) as complete scenes. The support for each part is described in
+//! `docs/mitsuba.md`.
 
 mod bsdf;
 mod cie;
@@ -50,28 +51,29 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Endings of scenes of Mitsuba.
+/// File extensions of Mitsuba scenes.
 pub const MITSUBA_EXTENSIONS: &[&str] = &["xml"];
 
-/// Bytes that the text of a scene takes for each of its own, as elements and objects.
+/// Bytes of memory for each byte of a scene's text, as elements and objects.
 const TEXT_MEMORY: u64 = 16;
 
-/// Says whether what a scene is foreseen to take may be taken.
+/// Decides whether the memory of an estimate may be allocated.
 type Allow<'a> = &'a dyn Fn(&MemoryEstimate) -> Result<(), MemoryError>;
 
-/// Objects in objects, at most: beyond, they hold each other.
+/// Deepest nesting of objects; deeper objects contain each other.
 const DEEPEST: usize = 64;
 
-/// Whether a file is a scene of Mitsuba by its name.
+/// Whether a file is a Mitsuba scene, by its extension.
 pub fn is_mitsuba_file(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
     MITSUBA_EXTENSIONS.iter().any(|known| extension.eq_ignore_ascii_case(known))
 }
 
-/// Reads a scene of Mitsuba. `parameters` are values of its `$parameters`, which go over `<default>`.
+/// Reads a Mitsuba scene. `parameters` are values of its `$parameters`, which override `<default>`.
 ///
 /// # Errors
-/// Where the file, or another that it names, cannot be read, or says what is not modelled: with file, line and what to do.
+/// Where the file, or another that it names, cannot be read, or contains something unsupported. The error gives the file, the
+/// line, and what to do.
 pub fn mitsuba_scene(
     path: &Path,
     parameters: &[(String, String)],
@@ -79,8 +81,8 @@ pub fn mitsuba_scene(
     mitsuba_scene_within(path, parameters, &|_| Ok(()))
 }
 
-/// [`mitsuba_scene`] where `allow` says yes to what is foreseen to be taken: by its text, and by each mesh that lies under a picture,
-/// before it is read. Other meshes are read when the scene is built.
+/// [`mitsuba_scene`] with a callback `allow` that accepts or refuses the memory estimate. It is called for the text of the scene,
+/// and for each mesh under a picture before that mesh is read. Other meshes are read when the scene is built.
 ///
 /// # Errors
 /// As [`mitsuba_scene`], and what `allow` returns.
@@ -100,10 +102,10 @@ pub fn mitsuba_scene_within(
     parse_within(&bytes, path, parameters, allow)
 }
 
-/// [`mitsuba_scene`] of a file's bytes; messages call it `path`, and other files that it names are looked for beside that.
+/// [`mitsuba_scene`] for bytes in memory. Messages call the file `path`, and other files are looked for relative to it.
 ///
 /// # Errors
-/// As [`mitsuba_scene`]. Nothing panics, whatever the bytes are.
+/// As [`mitsuba_scene`]. No bytes cause a panic.
 pub fn parse_mitsuba_bytes(
     bytes: &[u8],
     path: &Path,
@@ -151,23 +153,23 @@ fn parse_within(
     }
 }
 
-/// A scene on its way from objects to a description.
+/// State while the objects of a scene are converted to a description.
 struct Importer<'a> {
     scene: Rc<Object>,
     ids: HashMap<String, Rc<Object>>,
     folders: Vec<PathBuf>,
     description: SceneDescription,
     report: Report,
-    /// The material of shapes that name none.
+    /// The material of shapes without one.
     usual_bsdf: Rc<Object>,
     surfaces: HashMap<*const Object, Surface>,
-    /// By object, and the bits of the absorption inside.
+    /// By object, and the bits of the interior's absorption.
     materials: HashMap<(*const Object, [u64; 3]), Finished>,
     groups: HashMap<*const Object, usize>,
     pictures: HashMap<(PathBuf, Use, bool), (Arc<ImageTexture>, f64)>,
     budget: TextureBudget,
     depth: usize,
-    /// What meshes that were read take, and who says whether more may.
+    /// Estimated memory of the meshes that were read; `allow` decides whether it may grow.
     taken: MemoryEstimate,
     allow: Allow<'a>,
 }
@@ -222,7 +224,7 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Goes into an object; refuses where objects hold each other.
+    /// Enters a nested object; refuses objects that contain each other.
     fn enter(&mut self, object: &Object) -> Result<(), Fault> {
         self.depth += 1;
         if self.depth > DEEPEST {
@@ -236,7 +238,7 @@ impl<'a> Importer<'a> {
         self.depth -= 1;
     }
 
-    /// Tells of parameters that have no effect here, as far as an object has them.
+    /// Reports those of the named parameters that an object has, because they have no effect here.
     fn ignore(&mut self, object: &Object, names: &[&str], why: &str) {
         let found: Vec<String> =
             names.iter().filter(|name| object.get(name).is_some()).map(|name| format!("`{name}`")).collect();
@@ -246,7 +248,7 @@ impl<'a> Importer<'a> {
         }
     }
 
-    /// Tells of everything in an object that nobody asked for; refuses what is one of the `known` names, misspelt.
+    /// Reports everything in an object that was not asked for; refuses a misspelling of one of the `known` names.
     fn finish(&mut self, object: &Object, known: &[&str]) -> Result<(), Fault> {
         for property in object.unread() {
             object.refuse_misspelt(property, known)?;
@@ -277,7 +279,7 @@ impl<'a> Importer<'a> {
                 "integrator" => self.integrator(&object)?,
                 "emitter" => self.light(&object)?,
                 "shape" => shapes.push(object),
-                // In the picture where something names them.
+                // These are used where something refers to them.
                 "bsdf" | "texture" | "medium" | "spectrum" | "phase" | "volume" => {}
                 "film" => self.film(&object)?,
                 "sampler" => self.sampler_of(&object)?,

@@ -1,4 +1,4 @@
-//! Glass, metal and plastic.
+//! Dielectric, conductor and plastic materials.
 
 use super::Importer;
 use super::bsdf::{Base, Surface, normal_reflectance, stretched};
@@ -15,7 +15,7 @@ use crate::scene_file::diagnostic::suggestion;
 use glam::DVec3;
 
 impl Importer<'_> {
-    /// An index of refraction: a number, or the name of a medium.
+    /// An index of refraction, given as a number or as the name of a medium.
     fn index(&mut self, object: &Object, name: &str, usual: f64) -> Result<f64, Fault> {
         let Some(property) = object.get(name) else { return Ok(usual) };
         let index = match &property.value {
@@ -40,7 +40,7 @@ impl Importer<'_> {
         Ok([self.index(object, "int_ior", 1.5046)?, self.index(object, "ext_ior", 1.000_277)?])
     }
 
-    /// The slope of facets; tells where the distribution is another.
+    /// The slopes of facets; reports a distribution that is not supported.
     fn slopes(&mut self, object: &Object, usual: f64) -> Result<[Amount; 2], Fault> {
         let distribution = object.text("distribution")?.unwrap_or("beckmann").to_ascii_lowercase();
         match distribution.as_str() {
@@ -79,7 +79,7 @@ impl Importer<'_> {
         Ok([alpha.clone(), alpha])
     }
 
-    /// One slope where the model has but one.
+    /// A single slope, for models that have only one.
     fn one_slope(&mut self, object: &Object, usual: f64) -> Result<Amount, Fault> {
         let [along, across] = self.slopes(object, usual)?;
         match (along.plain(), across.plain()) {
@@ -129,7 +129,7 @@ impl Importer<'_> {
             ior = 1.0 / ior;
         }
         let single = normal_reflectance(ior);
-        // Light goes back and forth between both sides.
+        // Light is reflected back and forth between both sides.
         let whole = 2.0 / (1.0 + single);
         let factors = LayeredParameters {
             base: passed.factor(),
@@ -150,7 +150,7 @@ impl Importer<'_> {
         let name = object.text("material")?.map(str::to_owned);
         let is_named = name.as_deref().is_some_and(|name| name != "none");
         if !is_named && !object.has("eta") && !object.has("k") {
-            // Old files mean copper where they say nothing, those of today a mirror.
+            // In old files a missing material means copper, in current files a mirror.
             let is_mirror = name.is_some() || !object.is_old;
             return Ok(if is_mirror {
                 Metal::Colour(Rgb::ONE)
@@ -240,7 +240,7 @@ impl Importer<'_> {
         let ior = (inside / outside).max(1.0);
         let diffuse = match (diffuse, is_nonlinear) {
             (Paint::Plain(colour), true) => {
-                // Light that the coat throws back is coloured each time.
+                // Light that the coat reflects back to the base is coloured each time.
                 let back = internal_reflectance(ior);
                 Paint::Plain(colour.map(|c| c * (1.0 - back) / (1.0 - c * back)))
             }
@@ -257,7 +257,7 @@ impl Importer<'_> {
         };
         let mean_slope = match &slope {
             Amount::Plain(slope) => *slope,
-            // Kept as roots.
+            // Stored as square roots.
             Amount::Picture(slot) => f64::from(slot.texture.mean().y).powi(2),
         };
         let diffuse = diffuse.times(DVec3::splat(diffuse_factor(distribution, mean_slope, ior)));
@@ -279,7 +279,7 @@ impl Importer<'_> {
     }
 }
 
-/// Sets the roughness of layers by slopes of facets.
+/// Sets the roughness of layers from the slopes of facets.
 fn set_roughness(material: &mut LayeredMaterial, [along, across]: [Amount; 2]) {
     match (along.plain(), across.plain(), along) {
         (Some(along), Some(across), _) => {
@@ -294,13 +294,13 @@ fn set_roughness(material: &mut LayeredMaterial, [along, across]: [Amount; 2]) {
     }
 }
 
-/// The share of diffuse light inside of a medium of this index that its border reflects: of light from outside by Fresnel's
-/// formula, and by reciprocity.
+/// The share of diffuse light inside a medium of this index that its boundary reflects. It follows by reciprocity from Fresnel's
+/// formula for light from outside.
 pub(super) fn internal_reflectance(ior: f64) -> f64 {
     const STEPS: usize = 512;
     let mean: f64 = (0..STEPS)
         .map(|i| {
-            // Equal steps of the squared sine: cosine-weighted.
+            // Equal steps of the squared sine give cosine-weighted directions.
             let sine_squared = (i as f64 + 0.5) / STEPS as f64;
             f64::from(crate::bsdf::fresnel_dielectric((1.0 - sine_squared).sqrt() as f32, ior as f32))
         })

@@ -1,5 +1,5 @@
-//! Elements to objects: parameters of the command line and `<default>`, `<include>`, `<path>`, `<alias>`, and the values that
-//! elements hold.
+//! Converts elements to objects. This covers parameters of the command line and `<default>`, `<include>`, `<path>`, `<alias>`,
+//! and the values of elements.
 
 use super::error::{Fault, Sources, fail};
 use super::value::{Object, Property, shown};
@@ -10,25 +10,25 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
-/// Longest file that is read, in bytes; meshes are in files of their own.
+/// Longest file that is read, in bytes; meshes are in separate files.
 pub(super) const MOST_BYTES: u64 = 64 << 20;
 
-/// Files that include each other, at most.
+/// Most included files.
 const MOST_INCLUDES: usize = 512;
 
-/// Includes in includes, at most.
+/// Deepest nesting of includes.
 const DEEPEST_INCLUDE: usize = 15;
 
-/// Longest value after parameters were put in, in bytes.
+/// Longest value after substitution of parameters, in bytes.
 const LONGEST_VALUE: usize = 1 << 20;
 
-/// What a file holds, with everything put in its place.
+/// The content of a file after all includes and substitutions.
 pub(super) struct Parsed {
     pub scene: Rc<Object>,
     pub ids: HashMap<String, Rc<Object>>,
-    /// Folders that files are looked for in, the last first.
+    /// Folders in which files are searched, from the last to the first.
     pub folders: Vec<PathBuf>,
-    /// Spectra that were read from files.
+    /// Files from which spectra were read.
     pub spectra: Vec<PathBuf>,
 }
 
@@ -77,7 +77,7 @@ pub(super) fn parse(
     Ok(Parsed { scene: Rc::new(scene), ids, folders, spectra })
 }
 
-/// Whether a file is of a version before 2.0, which had other names for some things.
+/// Whether a file has a version before 2.0, with other names for some elements.
 fn is_old(root: &Element) -> Result<bool, Fault> {
     let Some(version) = root.attribute("version") else { return Ok(false) };
     let major = version.split('.').next().and_then(|major| major.trim().parse::<u32>().ok());
@@ -90,11 +90,11 @@ fn is_old(root: &Element) -> Result<bool, Fault> {
     }
 }
 
-/// A file on its way to objects.
+/// State while files are converted to objects.
 pub(super) struct Parser<'a> {
     pub(super) sources: &'a mut Sources,
     pub(super) parameters: BTreeMap<String, String>,
-    /// Parameters of the command line that nothing has used so far.
+    /// Parameters of the command line that are not used so far.
     pub(super) unused: BTreeSet<String>,
     pub(super) ids: HashMap<String, Rc<Object>>,
     pub(super) folders: Vec<PathBuf>,
@@ -104,7 +104,7 @@ pub(super) struct Parser<'a> {
     pub(super) is_old: bool,
 }
 
-/// The file called `name`: as it says, or in one of the folders.
+/// Finds the file `name`: at its stated path, or in one of the folders.
 pub(super) fn find(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
     let slashed = name.replace('\\', "/");
     let path = Path::new(&slashed);
@@ -115,7 +115,7 @@ pub(super) fn find(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
 }
 
 impl Parser<'_> {
-    /// `text` with the values of its `$parameters`.
+    /// `text` after substitution of its `$parameters`.
     fn substituted(&mut self, text: &str, place: &Place) -> Result<String, Fault> {
         if !text.contains('$') {
             return Ok(text.to_owned());
@@ -123,7 +123,7 @@ impl Parser<'_> {
         let mut parts = text.split('$');
         let mut result = parts.next().unwrap_or_default().to_owned();
         for part in parts {
-            // The longest name counts: $resx is not $res and an x.
+            // The longest name is taken: $resx is not $res followed by an x.
             let known = part
                 .char_indices()
                 .map(|(at, c)| at + c.len_utf8())
@@ -151,7 +151,8 @@ impl Parser<'_> {
         Ok(result)
     }
 
-    /// The attributes of an element with parameters put in: those that are `needed`, then those that are not; others are refused.
+    /// Attributes of an element after substitution of parameters: the `needed` ones, then the optional ones. Other attributes are
+    /// refused.
     pub(super) fn attributes<const N: usize, const M: usize>(
         &mut self,
         element: &Element,
@@ -186,7 +187,7 @@ impl Parser<'_> {
         Ok((first, second))
     }
 
-    /// What stands in an element that is an object, or the scene.
+    /// The properties of an object or of the scene, from the children of its element.
     pub(super) fn parts(&mut self, parent: &Element) -> Result<Vec<Property>, Fault> {
         let mut parts = Vec::new();
         self.add_parts(parent, &mut parts)?;
@@ -262,7 +263,7 @@ impl Parser<'_> {
             let message = format!("there is no folder `{}`", shown(&value));
             return fail(&element.place, message, "correct the path, or take the element out");
         };
-        // What stands beside the file comes first.
+        // The file's own folder, which is last, is searched first.
         self.folders.insert(0, folder);
         Ok(())
     }
@@ -300,7 +301,7 @@ impl Parser<'_> {
             _ => self.property(&root).map(|property| parts.extend(property)),
         };
         self.depth -= 1;
-        // Files in the folder of the included one are found beside it, after those of this one.
+        // From now on the folder of the included file is searched after that of this file.
         if let Some(folder) = self.folders.pop() {
             self.folders.insert(0, folder);
         }

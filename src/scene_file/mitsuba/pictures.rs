@@ -1,4 +1,4 @@
-//! Pictures made into textures, and how they lie on a surface.
+//! Converts pictures to textures, with their mapping to the surface.
 
 use super::Importer;
 use super::error::{Fault, fail};
@@ -11,13 +11,13 @@ use glam::{Affine2, DAffine3, Mat2, Vec2, Vec4};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Files whose numbers are linear and of any size.
+/// File formats with linear values of any size.
 fn is_linear(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default();
     ["exr", "hdr", "rgbe", "pfm", "pic"].iter().any(|known| extension.eq_ignore_ascii_case(known))
 }
 
-/// The pixels as four numbers, the colour decoded where `is_encoded`.
+/// The pixels as four numbers each, with the colour decoded where `is_encoded`.
 fn pixels(image: &Image, is_encoded: bool) -> Vec<Vec4> {
     let Some(layer) = image.layers.first() else { return Vec::new() };
     let count = layer.channels.len().max(1);
@@ -35,7 +35,7 @@ fn pixels(image: &Image, is_encoded: bool) -> Vec<Vec4> {
         .collect()
 }
 
-/// A texture of these pixels.
+/// A texture with these pixels.
 pub(super) fn texture_of(width: u32, height: u32, pixels: &[Vec4]) -> ImageTexture {
     let data = pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
     let mut image = Image::new(width, height);
@@ -44,7 +44,7 @@ pub(super) fn texture_of(width: u32, height: u32, pixels: &[Vec4]) -> ImageTextu
 }
 
 impl Importer<'_> {
-    /// The wrapping and filtering that a texture asks for.
+    /// Wrapping and filtering of a texture.
     pub(super) fn sampler(&mut self, object: &Object) -> Result<Sampler, Fault> {
         let mut wrap = [Wrap::Repeat; 2];
         for (name, axes) in [("wrap_mode", &[0, 1][..]), ("wrap_mode_u", &[0]), ("wrap_mode_v", &[1])] {
@@ -78,11 +78,11 @@ impl Importer<'_> {
             &["accel", "format", "max_anisotropy", "cache"],
             "textures are kept and filtered in their own way",
         );
-        // Textures of today have no levels of less detail.
+        // Textures of current versions have no mipmaps.
         Ok(Sampler { wrap, nearest, finest: !object.is_old })
     }
 
-    /// From the coordinates of the mesh to those of the texture.
+    /// Transform from the mesh's coordinates to those of the texture.
     pub(super) fn to_uv(object: &Object) -> Result<Affine2, Fault> {
         let transform: DAffine3 = object.transform("to_uv")?;
         let m = transform.matrix3;
@@ -91,7 +91,7 @@ impl Importer<'_> {
             Vec2::new(m.y_axis.x as f32, m.y_axis.y as f32),
         );
         let mut offset = transform.translation.truncate().as_vec2();
-        // Before 2.0: uv * scale + offset.
+        // In versions before 2.0: uv * scale + offset.
         let scale = Vec2::new(object.float_or("uscale", 1.0)? as f32, object.float_or("vscale", 1.0)? as f32);
         let moved =
             Vec2::new(object.float_or("uoffset", 0.0)? as f32, object.float_or("voffset", 0.0)? as f32);
@@ -100,7 +100,7 @@ impl Importer<'_> {
         Ok(Affine2::from_mat2_translation(linear, offset))
     }
 
-    /// A picture made into what it is used for, and the factor that this took off.
+    /// A picture converted for its use, and the factor that the conversion divided out.
     pub(super) fn picture(
         &mut self,
         object: &Object,

@@ -1,4 +1,4 @@
-//! The principled material (Burley 2012) as layers: metal, facets over a diffuse base, transmission, a clear coat.
+//! The principled material (Burley 2012) as layers: metal, facets over a diffuse base, transmission, and a clear coat.
 
 use super::Importer;
 use super::bsdf::{Base, Surface};
@@ -9,10 +9,10 @@ use super::value::Object;
 use crate::bsdf::{Body, LayeredParameters};
 use crate::scene::LayeredMaterial;
 
-/// Slopes of the clear coat without gloss and with all of it.
+/// Slopes of the clear coat without gloss and with full gloss.
 const COAT_SLOPES: [f64; 2] = [0.1, 0.001];
 
-/// What of the clear coat is there (Burley 2012, section 5.5).
+/// Strength of the clear coat (Burley 2012, section 5.5).
 const COAT_SHARE: f64 = 0.25;
 
 impl Importer<'_> {
@@ -66,7 +66,7 @@ impl Importer<'_> {
         self.report.note(object, "is taken for the layered model of docs/gltf.md");
         let mut base = paint.factor();
         if transmission > 0.5 && !is_thin {
-            // Burley 2015: at each of two borders the root of the colour.
+            // Burley 2015: the square root of the colour at each of two interfaces.
             base = base.map(f32::sqrt);
         }
         let hue = paint.mean();

@@ -1,16 +1,17 @@
-//! What a user is told of what was read otherwise than the file says: each thing once, with the number of others like it.
+//! Messages about content that is imported differently from the file's meaning. Each message occurs once, with the number of
+//! similar objects.
 
 use super::value::Object;
 use super::xml::Place;
 use crate::scene_file::description::SceneWarning;
 use std::collections::HashMap;
 
-/// How much it matters.
+/// Severity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Kind {
-    /// The picture is nearly what the file means.
+    /// The picture is close to the meaning of the file.
     Approximated,
-    /// Something is missing in the picture.
+    /// Something is missing from the picture.
     LeftOut,
 }
 
@@ -22,7 +23,7 @@ struct Entry {
     more: u64,
 }
 
-/// Messages in the order in which they came up.
+/// Messages in order of occurrence.
 #[derive(Debug, Default)]
 pub(super) struct Report {
     entries: Vec<Entry>,
@@ -40,17 +41,17 @@ impl Report {
         self.entries.push(Entry { kind, place: place.clone(), message: format!("{label}: {what}"), more: 0 });
     }
 
-    /// Something of an object is taken for the nearest that there is.
+    /// Reports that a property of an object is approximated.
     pub(super) fn note(&mut self, object: &Object, what: impl Into<String>) {
         self.add(Kind::Approximated, &object.place, &object.label(), what.into());
     }
 
-    /// Something of an object is not in the picture.
+    /// Reports that a property of an object is missing from the picture.
     pub(super) fn warn(&mut self, object: &Object, what: impl Into<String>) {
         self.add(Kind::LeftOut, &object.place, &object.label(), what.into());
     }
 
-    /// Warnings, and notes.
+    /// The warnings, then the notes.
     pub(super) fn told(self) -> (Vec<SceneWarning>, Vec<SceneWarning>) {
         let (mut warnings, mut notes) = (Vec::new(), Vec::new());
         for Entry { kind, place, message, more } in self.entries {

@@ -1,4 +1,4 @@
-//! Meshes in Mitsuba's own format (versions 3 and 4): compressed streams, one behind the other, and where each begins at the end.
+//! Meshes in Mitsuba's own format (versions 3 and 4): consecutive compressed streams, with a table of their offsets at the end.
 
 use crate::files::read_regular;
 use crate::scene_file::mesh::{MeshReport, Positions, TriangleMesh, drop_unusable};
@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use std::io::{BufReader, Read};
 use std::path::Path;
 
-/// First bytes of a stream, and its version behind them.
+/// Magic number of a stream, which the version follows.
 const MAGIC: u16 = 0x041C;
 
 /// Flags of a stream.
@@ -16,7 +16,7 @@ const HAS_UVS: u32 = 0x2;
 const HAS_COLOURS: u32 = 0x8;
 const HAS_DOUBLES: u32 = 0x2000;
 
-/// Vertices or triangles that a mesh may have.
+/// Most vertices or triangles of a mesh.
 const MOST: u64 = u32::MAX as u64 - 1;
 
 /// Longest name of a mesh, in bytes.
@@ -25,7 +25,7 @@ const LONGEST_NAME: usize = 1 << 16;
 /// Reads mesh number `shape` of a file.
 ///
 /// # Errors
-/// With the file, what is wrong and what to do.
+/// With the file, the problem, and what to do.
 pub(super) fn read(path: &Path, shape: i64) -> Result<TriangleMesh, String> {
     let bytes = read_regular(path, u64::MAX)
         .map_err(|error| format!("{}: {error}; check its name", path.display()))?;
@@ -70,7 +70,7 @@ pub(super) fn parse(bytes: &[u8], shape: i64) -> Result<TriangleMesh, String> {
     mesh(&mut stream, version).ok_or_else(damaged)
 }
 
-/// Numbers as they come out of the compressed stream.
+/// Numbers from the decompressed stream.
 struct Stream<R> {
     inner: R,
 }
@@ -89,7 +89,7 @@ impl<R: Read> Stream<R> {
         }
     }
 
-    /// So many groups of numbers. Memory grows with what is there, whatever the count says.
+    /// Reads `count` groups of numbers. Memory grows with the data that are present, whatever the count.
     fn groups<const N: usize>(&mut self, count: u64, is_double: bool) -> Option<Vec<[f64; N]>> {
         let mut groups = Vec::new();
         for _ in 0..count {
@@ -103,7 +103,7 @@ impl<R: Read> Stream<R> {
     }
 }
 
-/// `None` where the stream ends early, or indices lead out of the mesh.
+/// Reads a mesh. `None` where the stream ends early, or an index exceeds the vertices.
 fn mesh<R: Read>(stream: &mut Stream<R>, version: u64) -> Option<TriangleMesh> {
     let flags = u32::from_le_bytes(stream.bytes()?);
     if version >= 4 {
@@ -160,7 +160,7 @@ mod tests {
     use flate2::{Compression, write::ZlibEncoder};
     use std::io::Write;
 
-    /// A file of two triangles, each a mesh.
+    /// A file with two meshes of one triangle each.
     fn sample(version: u16) -> Vec<u8> {
         let mut bytes = Vec::new();
         let mut starts = Vec::new();
@@ -216,7 +216,7 @@ mod tests {
     fn damaged_files_are_refused() {
         let bytes = sample(4);
         for length in 0..bytes.len() - 5 {
-            // Cut short, the end holds other numbers than where meshes begin.
+            // In a truncated file the end holds other numbers than the offsets.
             let _ = parse(&bytes[..length], 1);
         }
         let mut state = 3u64;

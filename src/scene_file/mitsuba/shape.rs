@@ -1,4 +1,4 @@
-//! Shapes: meshes of files, spheres and the like, groups and instances.
+//! Shapes: mesh files, spheres and other primitives, groups and instances.
 
 use super::Importer;
 use super::bsdf::{Base, Surface};
@@ -24,27 +24,27 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Parameters that every shape may have, for messages.
+/// Parameters of every shape, for messages.
 const COMMON: [&str; 2] = ["to_world", "flip_normals"];
 
-/// Shapes of a scene, at most, instances left out.
+/// Most shapes of a scene, not counting instances.
 const MOST_SHAPES: usize = 1 << 22;
 
-/// What a shape consists of.
+/// Geometry of a shape.
 enum Form {
-    /// A file, read when the scene is built.
+    /// A mesh file that is read when the scene is built.
     File { path: PathBuf, normals: MeshNormals },
-    /// Triangles with texture coordinates and colours, as far as there are any.
+    /// Triangles with optional texture coordinates and colours.
     Mesh { mesh: TriangleMesh, colours: Vec<Vec4> },
     /// An exact shape.
     Exact(GeometryDescription),
 }
 
-/// A form and where it is.
+/// A form with its placement.
 struct Placed {
     form: Form,
     to_world: DAffine3,
-    /// Turns the normal around.
+    /// Whether the normal is reversed.
     flip: bool,
 }
 
@@ -59,7 +59,7 @@ impl Importer<'_> {
 
     fn add_shape(&mut self, object: &Rc<Object>, group: Option<usize>) -> Result<(), Fault> {
         match object.plugin.as_str() {
-            // It is in the picture where an instance names it.
+            // It becomes visible where an instance refers to it.
             "shapegroup" if group.is_none() => Ok(()),
             "instance" if group.is_none() => self.instance(object),
             "shapegroup" | "instance" => fail(
@@ -136,7 +136,7 @@ impl Importer<'_> {
         let is_nothing = matches!(surface.base, Base::Null);
         if is_nothing && inside.is_none() {
             if emission.is_none() {
-                // Light passes as if it were not there. What it names is still checked.
+                // A null interface without emission has no effect, but its parameters are still checked.
                 self.placed(object, Needs::default())?;
                 return Ok(());
             }
@@ -208,7 +208,7 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// Radiance of the light that a surface is.
+    /// Radiance of an emitting surface.
     fn area_light(&mut self, object: &Rc<Object>) -> Result<Paint, Fault> {
         if object.plugin != "area" {
             let message = format!("{} cannot stand in a shape", object.label());
@@ -227,7 +227,7 @@ impl Importer<'_> {
         Ok(radiance)
     }
 
-    /// What fills a shape; `None` where it names nothing.
+    /// The interior of a shape; `None` where it names no medium.
     fn inside(&mut self, object: &Object, surface: &Surface) -> Result<Option<Inside>, Fault> {
         let mut found = None;
         let names = object
@@ -258,7 +258,7 @@ impl Importer<'_> {
         Ok(found)
     }
 
-    /// The absorption of a medium, 1/m; `None` where it is not modelled at all.
+    /// The absorption of a medium, 1/m; `None` for an unsupported medium.
     fn absorption(&mut self, object: &Rc<Object>) -> Result<Option<DVec3>, Fault> {
         if object.plugin != "homogeneous" {
             self.report.warn(object, "media that vary in space are not modelled, and left out");
@@ -289,7 +289,7 @@ impl Importer<'_> {
         Ok(Some((absorbed * scale).max(DVec3::ZERO)))
     }
 
-    /// The form of a shape, with what its material needs.
+    /// The form of a shape, with the vertex data that its material needs.
     fn placed(&mut self, object: &Rc<Object>, needs: Needs) -> Result<Placed, Fault> {
         let to_world = object.transform("to_world")?;
         let flip = object.boolean("flip_normals", false)?;
@@ -397,18 +397,18 @@ impl Importer<'_> {
         }
     }
 
-    /// Asks whether a mesh may be read, by what its file says of its size.
+    /// Checks whether the memory for a mesh is allowed, from the size that its file declares.
     fn foresee(&mut self, object: &Object, path: &Path) -> Result<(), Fault> {
         let size = match mesh_size(path, MeshNormals::Leading) {
             Ok(size) if size.triangles > 0 => size,
-            // Compressed, or of an unusual kind: as if its bytes were corners.
+            // Compressed or unusual files: their bytes are counted as corners.
             _ => {
                 let length = std::fs::metadata(path).map_or(0, |file| file.len());
                 MeshSize { vertices: length / 12, triangles: length / 6, has_normals: true, reading: length }
             }
         };
         self.taken.triangles = self.taken.triangles.saturating_add(size.triangles);
-        // As it is read, and as it is placed.
+        // Counted twice: as read, and as placed.
         self.taken.meshes = self.taken.meshes.saturating_add(size.bytes().saturating_mul(2));
         self.taken.reading = self.taken.reading.max(size.reading);
         (self.allow)(&self.taken).or_else(|error| {
@@ -447,7 +447,7 @@ impl Importer<'_> {
         };
         let is_named = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(plugin));
         if plugin != "serialized" && is_named && !needs.any() {
-            // Normals say which side is the front, as in Mitsuba; they are computed where there are none.
+            // Normals determine the front side, as in Mitsuba; they are computed where there are none.
             let normals = if is_flat { MeshNormals::Flat } else { MeshNormals::Leading };
             return Ok(Placed { form: Form::File { path, normals }, to_world, flip });
         }
@@ -496,9 +496,9 @@ fn mesh(mesh: TriangleMesh) -> Form {
     Form::Mesh { mesh, colours: Vec::new() }
 }
 
-/// Whether it scales differently along different axes.
+/// Whether a transform scales differently along different axes.
 fn is_distorted(transform: &DAffine3) -> bool {
-    /// Lengths and angles that agree to this come from rounding of a file's numbers.
+    /// Differences of lengths and angles below this are rounding of the file's numbers.
     const TOLERANCE: f64 = 1e-9;
     let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
     let largest = x.length().max(y.length()).max(z.length());

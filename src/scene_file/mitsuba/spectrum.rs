@@ -1,4 +1,4 @@
-//! Spectra as linear colours of Rec. 709, by the observer of the CIE of 1931.
+//! Converts spectra to linear Rec. 709 colours, with the CIE observer of 1931.
 
 use super::cie::{FIRST, ROWS, STEP};
 use super::error::{Fault, fail};
@@ -10,33 +10,33 @@ use crate::textures::srgb_to_linear;
 use glam::{DMat3, DVec3};
 use std::path::Path;
 
-/// Longest file of a spectrum, in bytes.
+/// Longest spectrum file, in bytes.
 const MOST_BYTES: u64 = 1 << 22;
 
-/// What a file says of a spectrum.
+/// A spectrum as given in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Spectrum {
     /// A linear colour.
     Rgb(DVec3),
-    /// The same at all wavelengths.
+    /// A constant over all wavelengths.
     Uniform(f64),
-    /// Wavelengths (nm, rising) and values, linear between them and zero outside.
+    /// Wavelengths (nm, increasing) and values; linear between them and zero outside.
     Samples(Vec<(f64, f64)>),
 }
 
-/// What a spectrum is used for.
+/// Use of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Meaning {
-    /// A share of the light, in `[0, 1]`: seen in daylight.
+    /// A reflectance in `[0, 1]`, converted under daylight.
     Reflectance,
-    /// Light itself; of a file of the dialect before 2.0, where one value for all wavelengths is white.
+    /// Emitted light. In files of versions before 2.0, a constant spectrum is white.
     Light { is_old: bool },
     /// Another quantity, such as an index of refraction.
     Number,
 }
 
 impl Spectrum {
-    /// Three linear numbers, one, or `#rrggbb`, which is encoded by sRGB where `is_encoded` says so of numbers too.
+    /// Parses three linear numbers, one number, or `#rrggbb`, which is always sRGB. Numbers are sRGB too where `is_encoded`.
     pub(super) fn rgb(text: &str, is_encoded: bool, place: &Place) -> Result<Self, Fault> {
         let decoded = |value: f64| f64::from(srgb_to_linear(value.clamp(0.0, 1.0) as f32));
         let text = text.trim();
@@ -60,10 +60,10 @@ impl Spectrum {
         Ok(Self::Rgb(if is_encoded { colour.map(decoded) } else { colour }))
     }
 
-    /// One number, or `wavelength:value` in a list.
+    /// Parses one number, or a list of `wavelength:value`.
     pub(super) fn parse(text: &str, place: &Place) -> Result<Self, Fault> {
         if !text.contains(':') {
-            // Old files write colours like this.
+            // The form of colours in old files.
             let values: Vec<f64> =
                 tokens(text).map(|token| number(token, place)).collect::<Result<_, _>>()?;
             return match values[..] {
@@ -132,7 +132,7 @@ impl Spectrum {
         }
     }
 
-    /// The linear colour; not below zero, and for reflectances not above one.
+    /// The linear colour, at least zero; for reflectances also at most one.
     pub(super) fn colour(&self, meaning: Meaning) -> DVec3 {
         let is_light = matches!(meaning, Meaning::Light { .. });
         let colour = match (self, meaning) {
@@ -158,11 +158,11 @@ fn planck(wavelength: f64, kelvin: f64) -> f64 {
     2e-9 * PLANCK * LIGHT * LIGHT / (metres.powi(5) * exponent.exp_m1())
 }
 
-/// Wavelengths between two rows of the tables at which a spectrum is looked at.
+/// Samples of a spectrum between two rows of the tables.
 const FINE: usize = 5;
 
-/// The integral of a spectrum with the observer, so that one at all wavelengths has a luminance of one: under daylight where
-/// `in_daylight` says so, or as it is.
+/// Integral of a spectrum with the observer, normalized so that a constant spectrum of one has the luminance one. The spectrum is
+/// weighted by daylight if `in_daylight`.
 fn integrated(spectrum: &Spectrum, in_daylight: bool) -> DVec3 {
     let to_rgb = DMat3::from_cols(
         DVec3::new(3.240_479, -0.969_256, 0.055_648),
@@ -183,7 +183,7 @@ fn integrated(spectrum: &Spectrum, in_daylight: bool) -> DVec3 {
     to_rgb * (sum / whole)
 }
 
-/// Reads a file of wavelengths and values, a pair in each line; `#` begins a comment.
+/// Reads a file with a wavelength and a value in each line; `#` begins a comment.
 pub(super) fn spectrum_file(path: &Path, place: &Place) -> Result<Spectrum, Fault> {
     let unreadable = |why: &dyn std::fmt::Display| {
         let message = format!("{}: cannot be read: {why}", path.display());
@@ -232,7 +232,7 @@ mod tests {
         assert_eq!(colour("0.5", Meaning::Reflectance), DVec3::splat(0.5));
     }
 
-    /// The equal-energy spectrum as other renderers have it in Rec. 709.
+    /// The equal-energy spectrum has the Rec. 709 colour that other renderers give it.
     #[test]
     fn light_of_equal_energy_is_warm() {
         let light = Meaning::Light { is_old: false };
@@ -243,7 +243,7 @@ mod tests {
         assert_eq!(colour("2", Meaning::Light { is_old: true }), DVec3::splat(2.0));
     }
 
-    /// Y is the integral of radiance with the observer over that of the observer alone, 106.86 nm.
+    /// Y is the integral of radiance with the observer, divided by that of the observer alone, 106.86 nm.
     #[test]
     fn a_black_body_has_the_luminance_of_plancks_law() {
         let spectrum = Spectrum::blackbody(5000.0, 1.0, &Place::default()).unwrap();

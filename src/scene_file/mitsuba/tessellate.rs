@@ -1,15 +1,15 @@
-//! Shapes with coordinates for textures as meshes: pictures lie on meshes alone.
+//! Tessellates shapes with texture coordinates, because only meshes support pictures.
 
 use crate::scene_file::mesh::{Positions, TriangleMesh};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Steps around and along round shapes: a sphere is within 10^-4 of its radius.
+/// Segments around and along round shapes: a sphere is within 10^-4 of its radius.
 const AROUND: u32 = 256;
 const ALONG: u32 = 128;
 
 impl TriangleMesh {
-    /// The mesh with its corners elsewhere; a mirrored one keeps its sides.
+    /// The transformed mesh. A mirrored transform does not swap the sides.
     pub(super) fn moved(mut self, by: &DAffine3) -> Self {
         let place = |p: DVec3| by.transform_point3(p).to_array();
         let positions = (0..self.positions.len()).map(|i| place(self.positions.get(i as u32))).collect();
@@ -67,7 +67,7 @@ fn grid(columns: u32, rows: u32, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Tri
     }
 }
 
-/// The unit sphere; z up, longitude from x along the first coordinate.
+/// The unit sphere with z up; the first coordinate is the longitude from x.
 pub(super) fn sphere() -> TriangleMesh {
     grid(AROUND, ALONG, |u, v| {
         let ((sin_u, cos_u), (sin_v, cos_v)) = ((TAU * u).sin_cos(), (PI * v).sin_cos());
@@ -76,7 +76,7 @@ pub(super) fn sphere() -> TriangleMesh {
     })
 }
 
-/// The unit disc in z = 0; the radius is the first coordinate.
+/// The unit disc in z = 0; the first coordinate is the radius.
 pub(super) fn disk() -> TriangleMesh {
     grid(ALONG, AROUND, |u, v| {
         let (sin, cos) = (TAU * v).sin_cos();
@@ -97,7 +97,7 @@ pub(super) fn rectangle() -> TriangleMesh {
     grid(1, 1, |u, v| (DVec3::new(2.0 * u - 1.0, 2.0 * v - 1.0, 0.0), DVec3::Z))
 }
 
-/// The cube from -1 to 1, a picture on each side.
+/// The cube from -1 to 1, with a picture on each side.
 pub(super) fn cube() -> TriangleMesh {
     let mut cube = TriangleMesh {
         positions: Positions::Double(Vec::new()),
@@ -125,7 +125,7 @@ pub(super) fn cube() -> TriangleMesh {
 mod tests {
     use super::*;
 
-    /// All triangles face the way of their normals, and closed shapes hold the volume that they should.
+    /// All triangles face the way of their normals, and closed shapes have the right volume.
     #[test]
     fn shapes_face_outwards() {
         let volume = |mesh: &TriangleMesh| -> f64 {

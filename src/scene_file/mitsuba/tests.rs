@@ -1,3 +1,5 @@
+//! Tests of the Mitsuba importer.
+
 use super::*;
 use crate::lights::{EnvironmentLight, EnvironmentMap};
 use crate::math::Rgb;
@@ -26,7 +28,7 @@ pub(super) fn scene(body: &str) -> SceneDescription {
     read(body).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// The material of a sphere with this one.
+/// The material of a sphere with this BSDF.
 pub(super) fn material(bsdf: &str) -> (MaterialDescription, SceneDescription) {
     let scene = scene(&format!("<shape type=\"sphere\">{bsdf}</shape>"));
     let number = scene.shapes[0].value.material;
@@ -141,7 +143,7 @@ fn what_is_wrong_is_told_with_its_line() {
     ] {
         let error = match read(&body) {
             Err(error) => error,
-            // Left out, which is told.
+            // Left out, with a message.
             Ok(scene) => {
                 assert!(!scene.warnings.is_empty(), "{body}");
                 continue;
@@ -181,14 +183,14 @@ fn parameters_of_the_command_line_must_be_some_of_the_file() {
     assert_eq!(radius(read_with(body, &[("radius", "3")]).unwrap()), 3.0);
     let error = read_with(body, &[("radios", "3")]).unwrap_err();
     assert!(error.contains("no parameter `radios`") && error.contains("did you mean `radius`?"), "{error}");
-    // The longest name counts, and what is put in is not looked at again.
+    // The longest name is taken, and substituted text is not scanned again.
     let text = "<default name=\"r\" value=\"$\"/><default name=\"rr\" value=\"4\"/><shape type=\"sphere\"><float name=\"radius\" value=\"$rr\"/></shape>";
     let error = read(text).unwrap_err();
     assert!(error.contains("has no value"), "{error}");
     assert_eq!(radius(scene(&text.replace("value=\"$\"", "value=\"5\""))), 4.0);
 }
 
-/// Values that double each other must not fill the memory.
+/// Values that double each other must not exhaust the memory.
 #[test]
 fn parameters_do_not_explode() {
     let mut body = "<default name=\"a0\" value=\"0123456789\"/>".to_owned();
@@ -244,7 +246,7 @@ fn files_include_others_with_folders_of_their_own() {
     for name in ["inner.xml", "flat.obj", "smooth.obj"] {
         assert!(scene.further_files.iter().any(|file| file.ends_with(name)), "{name}");
     }
-    // An error in the included file is told there.
+    // An error in an included file is reported at its place there.
     fs::write(at("parts/inner.xml"), "<scene version=\"3.0.0\">\n<shape type=\"ball\"/></scene>").unwrap();
     let error = mitsuba_scene(&at("outer.xml"), &[]).unwrap_err().to_string();
     assert!(error.contains("inner.xml:2:1"), "{error}");
@@ -263,8 +265,8 @@ fn steps_of_a_transform_follow_each_other() {
     assert!((at - DVec3::new(1.0, 4.0, 13.0)).length() < 1e-12, "{at}");
 }
 
-/// A point on the left of the camera's axes (x of a sensor points left) is on the left of the picture, and where the transform
-/// mirrors on the right.
+/// A point on the left of the camera's axes (x of a sensor points left) is on the left of the picture. Where the transform
+/// mirrors, it is on the right.
 #[test]
 fn sensors_keep_left_and_right() {
     for (mirror, is_left) in [("", true), ("<scale x=\"-1\"/>", false)] {
@@ -353,15 +355,15 @@ fn lights_shine_along_their_axes() {
     let LightDescription::Sky { elevation, azimuth, axes: Some(axes), .. } = scene.lights[4].value else {
         panic!()
     };
-    // z is up: the sun stands half way between that and y.
+    // z is up: the sun is half way between z and y.
     assert!((elevation - 45f64.to_radians()).abs() < 1e-9);
     let local =
         DVec3::new(elevation.cos() * azimuth.sin(), elevation.sin(), -elevation.cos() * azimuth.cos());
     assert!((axes * local - DVec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-9);
 }
 
-/// A spot in the picture of medium_stack is seen where Mitsuba sees it: the picture begins at -z, goes on over x, and is turned by
-/// the transform.
+/// A spot in an environment map is seen where Mitsuba sees it: the picture begins at -z, continues over x, and is rotated by the
+/// transform.
 #[test]
 fn surroundings_stand_as_in_mitsuba() {
     let folder = tempfile::tempdir().unwrap();

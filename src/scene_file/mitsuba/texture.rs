@@ -14,22 +14,22 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// What a picture is made into.
+/// The use of a picture's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Use {
     /// Colours between 0 and 1.
     Colour,
-    /// Colours of any brightness, as shares of the brightest.
+    /// Colours of any brightness, divided by the brightest.
     Glow,
-    /// Slopes of facets: their roots in green.
+    /// Slopes of facets; the square roots are stored in green.
     Slope,
-    /// Roughness as it is, in green.
+    /// Roughness without conversion, in green.
     Roughness,
-    /// Shares, in blue.
+    /// Fractions, in blue.
     Blue,
-    /// Shares, in alpha, on white.
+    /// Fractions, in alpha, with white as the colour.
     Alpha,
-    /// Numbers as they are.
+    /// Values without conversion.
     Raw,
 }
 
@@ -37,14 +37,14 @@ pub(super) enum Use {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Paint {
     Plain(DVec3),
-    /// A picture, and a factor on it.
+    /// A picture with a factor.
     Picture(TextureSlot, DVec3),
-    /// Colours of the vertices, and a factor on them.
+    /// Vertex colours with a factor.
     Vertices(DVec3),
 }
 
 impl Paint {
-    /// The colour, or about the mean where it varies.
+    /// The colour; where it varies, an approximate mean.
     pub(super) fn mean(&self) -> DVec3 {
         match self {
             Self::Plain(colour) | Self::Vertices(colour) => *colour,
@@ -52,7 +52,7 @@ impl Paint {
         }
     }
 
-    /// What multiplies the picture; the colour itself where there is none.
+    /// The factor on the picture or on vertex colours; otherwise the colour itself.
     pub(super) fn tint(&self) -> DVec3 {
         match self {
             Self::Plain(colour) | Self::Picture(_, colour) | Self::Vertices(colour) => *colour,
@@ -87,7 +87,7 @@ pub(super) enum Amount {
 }
 
 impl Amount {
-    /// The number, where it does not vary.
+    /// The number, if it is constant.
     pub(super) fn plain(&self) -> Option<f64> {
         match self {
             Self::Plain(value) => Some(*value),
@@ -102,7 +102,7 @@ pub(super) fn luminance(colour: DVec3) -> f64 {
 }
 
 impl Importer<'_> {
-    /// The object that a parameter is or names; `None` where it is a value.
+    /// The object that a parameter holds or refers to; `None` where it is a plain value.
     pub(super) fn object_of(&self, property: &Property) -> Result<Option<Rc<Object>>, Fault> {
         match &property.value {
             Value::Object(object) => Ok(Some(Rc::clone(object))),
@@ -119,7 +119,7 @@ impl Importer<'_> {
         }
     }
 
-    /// The path of a file that an object names by `name`.
+    /// The path of the file that parameter `name` of an object gives.
     pub(super) fn file(&mut self, object: &Object, name: &str) -> Result<PathBuf, Fault> {
         let Some(file) = object.text(name)? else {
             let message = format!("{} names no file", object.label());
@@ -146,7 +146,7 @@ impl Importer<'_> {
         }
     }
 
-    /// A colour.
+    /// Reads a colour.
     pub(super) fn paint(
         &mut self,
         object: &Object,
@@ -175,7 +175,7 @@ impl Importer<'_> {
         Ok(Paint::Plain(colour))
     }
 
-    /// A colour that cannot vary here: about the mean, with a note, where it does.
+    /// Reads a colour that must be constant: a colour that varies is replaced by its approximate mean, with a note.
     pub(super) fn plain_colour(
         &mut self,
         object: &Object,
@@ -190,7 +190,7 @@ impl Importer<'_> {
         Ok(paint.mean())
     }
 
-    /// A number.
+    /// Reads a number.
     pub(super) fn amount(
         &mut self,
         object: &Object,
@@ -215,7 +215,7 @@ impl Importer<'_> {
         }
     }
 
-    /// A number that cannot vary here.
+    /// Reads a number that must be constant.
     pub(super) fn plain_amount(&mut self, object: &Object, name: &str, usual: f64) -> Result<f64, Fault> {
         match self.amount(object, name, usual, Use::Raw)? {
             Amount::Plain(value) => Ok(value),
@@ -226,12 +226,12 @@ impl Importer<'_> {
         }
     }
 
-    /// What a texture is whose numbers count as they are.
+    /// Reads a nested texture whose numbers are used without conversion.
     pub(super) fn nested_paint(&mut self, object: &Rc<Object>, meaning: Meaning) -> Result<Paint, Fault> {
         self.texture(object, meaning, Use::Raw)
     }
 
-    /// What a <texture> or a <spectrum> of a type is.
+    /// Reads a <texture> or a <spectrum> of any type.
     fn texture(&mut self, object: &Rc<Object>, meaning: Meaning, how: Use) -> Result<Paint, Fault> {
         self.enter(object)?;
         let paint = self.texture_of(object, meaning, how);

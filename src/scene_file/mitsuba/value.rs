@@ -1,4 +1,4 @@
-//! Objects with their parameters, as plugins see them.
+//! Objects with their parameters, in the form that plugins use.
 
 use super::error::{Fault, fail};
 use super::spectrum::Spectrum;
@@ -11,7 +11,7 @@ use std::rc::Rc;
 /// Longest name that a message repeats, in characters.
 const SHOWN: usize = 80;
 
-/// A text of the file as a message shows it.
+/// A text of the file in the form that messages use.
 pub(super) fn shown(text: &str) -> String {
     let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
     match text.char_indices().nth(SHOWN) {
@@ -20,7 +20,7 @@ pub(super) fn shown(text: &str) -> String {
     }
 }
 
-/// What a parameter is.
+/// The value of a parameter.
 #[derive(Clone, Debug)]
 pub(super) enum Value {
     Float(f64),
@@ -52,14 +52,14 @@ impl Value {
     }
 }
 
-/// A parameter or a part of an object.
+/// A parameter or a nested part of an object.
 #[derive(Debug)]
 pub(super) struct Property {
-    /// In letters of today (`int_ior`); empty for parts without a name.
+    /// The name in the current convention (`int_ior`); empty for parts without a name.
     pub name: String,
     pub value: Value,
     pub place: Place,
-    /// Whether somebody asked for it.
+    /// Whether the parameter was asked for.
     used: Cell<bool>,
 }
 
@@ -94,19 +94,19 @@ fn example(wanted: &str, name: &str) -> String {
 /// A plugin with its parameters.
 #[derive(Debug)]
 pub(super) struct Object {
-    /// The element, as `bsdf`.
+    /// The element, such as `bsdf`.
     pub tag: String,
-    /// What of that, as `diffuse`.
+    /// The type of plugin, such as `diffuse`.
     pub plugin: String,
     pub id: Option<String>,
     pub properties: Vec<Property>,
     pub place: Place,
-    /// Of the dialect before 2.0.
+    /// Whether the file has a version before 2.0.
     pub is_old: bool,
 }
 
 impl Object {
-    /// What messages call it.
+    /// Name of the object in messages.
     pub(super) fn label(&self) -> String {
         match &self.id {
             Some(id) => format!("{} `{}` (`{}`)", self.tag, shown(&self.plugin), shown(id)),
@@ -114,7 +114,7 @@ impl Object {
         }
     }
 
-    /// What names of shapes and materials are made of.
+    /// Base of the names of shapes and materials.
     pub(super) fn name(&self) -> String {
         match &self.id {
             Some(id) => shown(id),
@@ -122,7 +122,7 @@ impl Object {
         }
     }
 
-    /// The parameter of this name. The last counts, as parameters are set one after the other.
+    /// The parameter with this name. The last one wins, because parameters are set in order.
     pub(super) fn get(&self, name: &str) -> Option<&Property> {
         let mut found = None;
         for property in self.properties.iter().filter(|property| property.name == name) {
@@ -150,7 +150,7 @@ impl Object {
         Ok(self.float(name)?.unwrap_or(usual))
     }
 
-    /// A number in a range.
+    /// Reads a number in a range.
     pub(super) fn within(
         &self,
         name: &str,
@@ -207,7 +207,7 @@ impl Object {
         }
     }
 
-    /// Names of the parameters that nobody asked for, each once; asks for them.
+    /// The parameters that were not asked for, each once; marks them as asked for.
     pub(super) fn unread(&self) -> Vec<&Property> {
         let mut unread: Vec<&Property> = Vec::new();
         for property in self.properties.iter().filter(|property| !property.used.get()) {
@@ -219,7 +219,7 @@ impl Object {
         unread
     }
 
-    /// Refuses a parameter whose name is nearly one of those that are known: it is that, misspelt.
+    /// Refuses a parameter whose name is close to one of the `known` names: it is a misspelling.
     pub(super) fn refuse_misspelt(&self, property: &Property, known: &[&str]) -> Result<(), Fault> {
         let candidates = known.iter().copied().filter(|name| !self.has(name));
         match nearest(&property.name, candidates) {

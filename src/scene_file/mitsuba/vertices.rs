@@ -1,4 +1,4 @@
-//! What textures need at the vertices of a mesh: tangents, and bumps as a map of normals.
+//! Vertex data that textures need: tangents, and bump maps converted to normal maps.
 
 use super::material::Needs;
 use super::pictures::texture_of;
@@ -9,7 +9,7 @@ use crate::textures::{Sampler, TextureSlot, VertexData, Wrap};
 use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// More texels of bumps are not made into normals.
+/// Bump maps with more texels are not converted to normal maps.
 const MOST_TEXELS: u64 = 1 << 26;
 
 /// Edges of a triangle in space per unit of its first and second coordinate; `None` where it has no extent in the picture.
@@ -23,8 +23,8 @@ fn along_picture(mesh: &TriangleMesh, uvs: &[Vec2], triangle: [u32; 3]) -> Optio
     both.iter().all(|edge| edge.is_finite()).then_some(both)
 }
 
-/// Tangents along the first coordinate, weighted by area; zero where there are none. The second axis of the picture's frame is the
-/// product of normal and tangent, whatever the second coordinate.
+/// Tangents along the first coordinate, weighted by area; zero where there are none. The second axis of the picture's frame is
+/// the cross product of normal and tangent, whatever the second coordinate.
 fn tangents(mesh: &TriangleMesh, uvs: &[Vec2], is_mirrored: bool) -> Vec<(Vec3, f32)> {
     let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
     for &triangle in &mesh.triangles {
@@ -39,7 +39,7 @@ fn tangents(mesh: &TriangleMesh, uvs: &[Vec2], is_mirrored: bool) -> Vec<(Vec3, 
     sums.into_iter().map(|sum| (unit_f64(sum).map_or(Vec3::ZERO, |sum| sum.as_vec3()), sign)).collect()
 }
 
-/// The data of the vertices of a mesh that a material needs.
+/// The vertex data that a material needs of a mesh.
 pub(super) fn vertex_data(
     mesh: &TriangleMesh,
     uvs: Vec<Vec2>,
@@ -52,8 +52,8 @@ pub(super) fn vertex_data(
     VertexData { uvs: [uvs, Vec::new()], colours, tangents }
 }
 
-/// Bumps of a height as a map of normals in the place of their picture, for a mesh with these coordinates: by the mean size of
-/// the picture on it. `None` where it has none.
+/// Converts a bump map of this height to a normal map for a mesh with these coordinates, by the mean size of the picture on the
+/// mesh. `None` where the picture has no size there.
 pub(super) fn bumped(
     slot: &TextureSlot,
     height: f64,
@@ -118,7 +118,7 @@ mod tests {
     use super::*;
     use crate::scene_file::mitsuba::tessellate;
 
-    /// A slope of the picture along its first coordinate tilts the normal against it, by as much as the height over the length.
+    /// A slope of the picture along its first coordinate tilts the normal against it, by height over length.
     #[test]
     fn bumps_are_slopes_over_lengths() {
         let mesh = tessellate::rectangle();
@@ -129,7 +129,7 @@ mod tests {
         let texture = Arc::new(texture_of(width, 4, &pixels));
         let sampler = Sampler { wrap: [Wrap::Clamp; 2], ..Sampler::default() };
         let slot = TextureSlot { texture, sampler, set: 0, transform: glam::Affine2::IDENTITY };
-        // The rectangle is two across, so that a rise of 0.5 over the picture is a slope of 0.25.
+        // The rectangle is two units wide, so a rise of 0.5 over the picture is a slope of 0.25.
         let map = bumped(&slot, 0.5, (&mesh, &uvs), &DAffine3::IDENTITY).unwrap();
         let texel = map.texture.at(Vec2::new(0.5, 0.5), 0.0, &sampler).truncate() * 2.0 - 1.0;
         assert!((texel.x / texel.z + 0.25).abs() < 1e-3 && texel.y.abs() < 1e-3, "{texel}");

@@ -1,4 +1,4 @@
-//! Sensors, films, samplers and integrators: what is seen, and hints for how it is computed.
+//! Sensors, films, samplers and integrators: the view, and hints for the computation.
 
 use super::Importer;
 use super::error::{Fault, fail};
@@ -11,20 +11,20 @@ use crate::scene_file::diagnostic::suggestion;
 use glam::DVec3;
 use std::rc::Rc;
 
-/// Pixels along one side of a picture, and in all, at most: as scene files have it.
+/// Most pixels along one side of a picture, and in total: the limits of scene files.
 const MOST_SIDE: i64 = 65_536;
 const MOST_PIXELS: i64 = 1 << 28;
 
-/// Samples of a pixel, at most.
+/// Most samples of a pixel.
 const MOST_SAMPLES: i64 = 1 << 24;
 
-/// Diagonal of film of 36 x 24 mm.
+/// Diagonal of 36 x 24 mm film.
 const DIAGONAL: f64 = 43.266_615_305_567_87;
 
-/// Size of a picture where the file says nothing.
+/// Default size of a picture.
 const USUAL_SIZE: (i64, i64) = (768, 576);
 
-/// A film of Mitsuba's usual size.
+/// A film of Mitsuba's default size.
 pub(super) fn usual_film() -> FilmDescription {
     FilmDescription {
         width: USUAL_SIZE.0 as u32,
@@ -37,7 +37,7 @@ pub(super) fn usual_film() -> FilmDescription {
 }
 
 impl Importer<'_> {
-    /// A number of pixels.
+    /// Reads a number of pixels.
     fn side(object: &Object, name: &str, usual: i64, least: i64) -> Result<u32, Fault> {
         let value = object.integer(name)?.unwrap_or(usual);
         match u32::try_from(value) {
@@ -148,7 +148,7 @@ impl Importer<'_> {
         Ok(filter)
     }
 
-    /// The camera, its film and its samples.
+    /// Reads the camera with its film and its samples.
     pub(super) fn sensor(&mut self, object: &Rc<Object>) -> Result<(), Fault> {
         match object.plugin.as_str() {
             "perspective" | "thinlens" => {}
@@ -234,12 +234,12 @@ impl Importer<'_> {
         Ok(())
     }
 
-    /// A distance that keeps the digits of the direction beside those of the eye.
+    /// A view distance at which the direction keeps its digits beside those of the eye.
     fn view_distance(&self, eye: DVec3) -> f64 {
         eye.abs().max_element().max(1.0)
     }
 
-    /// The angle in degrees, and what it spans.
+    /// The field of view in degrees, and the side that it spans.
     fn field_of_view(&mut self, object: &Object) -> Result<(f64, FovAxis), Fault> {
         let FilmDescription { width, height, .. } = self.description.film;
         let aspect = f64::from(width) / f64::from(height);
@@ -300,7 +300,7 @@ impl Importer<'_> {
         self.finish(object, &["sample_count"])
     }
 
-    /// What an integrator says of depths; how light is computed is chosen on the command line.
+    /// Reads the depths of an integrator; the integrator itself is chosen on the command line.
     pub(super) fn integrator(&mut self, object: &Rc<Object>) -> Result<(), Fault> {
         self.enter(object)?;
         let read = self.integrator_of(object);
@@ -314,7 +314,7 @@ impl Importer<'_> {
             self.integrator(nested)?;
         }
         let depth = object.integer("max_depth")?;
-        // Everything else is about how, and each integrator has words of its own.
+        // The other parameters concern the method, and each integrator has its own.
         object.unread();
         if nested.is_empty() {
             self.report.note(object, "light is computed by cardioid's own ways (--integrator)");

@@ -1,4 +1,4 @@
-//! Materials over others: both sides, masks, normals, bumps, blends.
+//! Materials that modify others: both sides, masks, normal maps, bump maps, blends.
 
 use super::Importer;
 use super::bsdf::{Base, Surface};
@@ -42,7 +42,7 @@ impl Importer<'_> {
         let normals = match object.get(name) {
             Some(_) => self.paint(object, name, 0.5, Meaning::Number)?,
             None => {
-                // Before 2.0 the texture had no name.
+                // In versions before 2.0 the texture had no name.
                 let texture = self.only_part(object, "texture")?;
                 self.nested_paint(&texture, Meaning::Number)?
             }
@@ -105,7 +105,7 @@ impl Importer<'_> {
         let (a, b) = (self.surface(first)?, self.surface(second)?);
         match weight.plain() {
             Some(weight) => Ok(self.mixed(object, (a, 1.0 - weight), (b, weight))),
-            // A weight that varies between a material and nothing is a mask.
+            // A varying weight between a material and nothing is a mask.
             None if matches!(a.base, Base::Null) => Ok(Surface { opacity: Some(weight), ..b }),
             None => {
                 let mean = match &weight {
@@ -137,7 +137,7 @@ impl Importer<'_> {
         Ok(mixed.0)
     }
 
-    /// Two materials by their weights, where that can be said; otherwise the heavier one.
+    /// Blends two materials by their weights, where that can be modelled; otherwise yields the one with the larger weight.
     fn mixed(&mut self, object: &Object, (a, x): (Surface, f64), (b, y): (Surface, f64)) -> Surface {
         let share = if x + y > 0.0 { (y / (x + y)).clamp(0.0, 1.0) } else { 0.5 };
         if share == 0.0 {

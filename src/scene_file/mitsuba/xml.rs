@@ -1,4 +1,4 @@
-//! The text of a file as a tree of elements that know where they stand.
+//! Parses the text of a file to a tree of elements with their places.
 
 use super::error::{Fault, Sources, fail, fault};
 use crate::scene_file::description::Location;
@@ -7,20 +7,20 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Elements in elements, at most: beyond, no scene is meant.
+/// Deepest nesting of elements; no real scene is deeper.
 const DEEPEST: usize = 64;
 
-/// Elements, attributes and texts of a file, at most.
+/// Most elements, attributes and texts of a file.
 const MOST_NODES: u32 = 1 << 22;
 
-/// Where something stands.
+/// A place in a file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Place {
     /// Number of the file in [`Sources`].
     pub file: usize,
-    /// Bytes of the file.
+    /// Byte range in the file.
     pub span: Range<usize>,
-    /// The same in lines and columns.
+    /// The place in lines and columns.
     pub location: Location,
 }
 
@@ -39,7 +39,7 @@ impl Element {
     }
 }
 
-/// The root element of a text; messages call it `path`.
+/// Parses a text and yields its root element; messages call the file `path`.
 pub(super) fn parse(sources: &mut Sources, path: PathBuf, text: String) -> Result<Element, Fault> {
     let file = sources.add(path, text);
     let Some((path, text)) = sources.get(file) else {
@@ -53,7 +53,7 @@ pub(super) fn parse(sources: &mut Sources, path: PathBuf, text: String) -> Resul
     convert(root, file, &source, 0)
 }
 
-/// What the parser found wrong, where it says so.
+/// The parser's error, with its place.
 fn not_xml(file: usize, text: &str, path: &Path, error: &roxmltree::Error) -> Fault {
     let position = error.pos();
     let start: usize =
@@ -68,7 +68,7 @@ fn not_xml(file: usize, text: &str, path: &Path, error: &roxmltree::Error) -> Fa
         column: position.col as usize,
     };
     let place = Place { file, span: at..(at + 1).min(text.len()), location };
-    // The position is told by the place.
+    // The place states the position already.
     let mut message = error.to_string();
     if let Some((what, _)) = message.rsplit_once(" at ") {
         message.truncate(what.len());

@@ -1,28 +1,28 @@
-//! Files that an OBJ or MTL names, found where programs of other systems and other folders left their names.
+//! Finds the files that an OBJ or MTL names, also where the name was written on another system or in another folder.
 
 use std::path::{Path, PathBuf};
 
-/// Entries of a folder that are looked through for a name in other letters.
+/// Most entries of a folder that are searched for a name that differs in case.
 const MOST_ENTRIES: usize = 100_000;
 
-/// Words of a name of a file of materials, and files of one line, at most.
+/// Most words in the name of a material file, and most files on one line.
 const MOST_WORDS: usize = 12;
 const MOST_FILES: usize = 64;
 
-/// Folders beside a file that its pictures are looked for in, where they are not where it says.
+/// Folders that are searched for a picture that is not at its stated path.
 const PICTURE_FOLDERS: [&str; 7] = ["textures", "texture", "maps", "images", "materials", "tex", "source"];
 
-/// A file that was named.
+/// A file that another file names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::scene_file) struct NamedFile {
-    /// Where it is; where it should be if it is nowhere.
+    /// Its path; where it was not found, the path where it should be.
     pub(in crate::scene_file) path: PathBuf,
-    /// Whether it is where its name says; separators of either kind do not count.
+    /// Whether the path is as stated; the kind of separators does not matter.
     pub(in crate::scene_file) is_as_named: bool,
 }
 
-/// The file called `name`, of a file in `folder`: as it says; then in other letters (upper or lower case), which some systems do not
-/// tell apart; then by the last part of its name beside the file, and in folders of pictures beside it.
+/// Finds the file `name` that a file in `folder` names. It tries the stated path, then differences in case, which some systems
+/// ignore, then the last part of the name in the same folder and in the folders for pictures.
 pub(in crate::scene_file) fn find_file(folder: &Path, name: &Path) -> NamedFile {
     let found = |path: PathBuf, is_as_named| NamedFile { path, is_as_named };
     let exact = folder.join(name);
@@ -52,7 +52,7 @@ pub(in crate::scene_file) fn find_file(folder: &Path, name: &Path) -> NamedFile 
     found(slashed, true)
 }
 
-/// A path whose parts differ from the files there in nothing but upper and lower case.
+/// A path to an existing file that differs from `name` only in case.
 fn in_other_letters(folder: &Path, name: &str) -> Option<PathBuf> {
     let mut path = folder.to_path_buf();
     if name.is_empty() || name.starts_with('/') {
@@ -71,15 +71,15 @@ fn in_other_letters(folder: &Path, name: &str) -> Option<PathBuf> {
             .filter_map(|entry| entry.ok().map(|entry| entry.file_name()))
             .filter(|entry| entry.to_string_lossy().to_lowercase() == part.to_lowercase())
             .collect();
-        // The same whichever the system lists first.
+        // The result does not depend on the order in which the system lists the files.
         same.sort();
         path.push(same.first()?);
     }
     Some(path)
 }
 
-/// The files that follow `mtllib`: names may have blanks, and blanks stand between names. As long a name as there is a file of
-/// that is taken; where there is none, the whole text is one name if it has one ending `.mtl`, else each word.
+/// The files after `mtllib`. Names may contain blanks, and blanks separate names. The longest name that exists is taken. Where no
+/// file exists, each word is a name if the text contains `.mtl` more than once; otherwise the whole text is one name.
 pub(in crate::scene_file) fn library_files(folder: &Path, text: &Path) -> Vec<NamedFile> {
     let text = text.to_string_lossy();
     let text = text.trim();
@@ -110,7 +110,7 @@ pub(in crate::scene_file) fn library_files(folder: &Path, text: &Path) -> Vec<Na
     if all_missing && names <= 1 { vec![whole] } else { files }
 }
 
-/// Where the words of a text are.
+/// Byte ranges of the words of a text.
 fn words_of(text: &str) -> Vec<(usize, usize)> {
     let base = text.as_ptr() as usize;
     text.split_ascii_whitespace()

@@ -1,9 +1,9 @@
-//! OBJ meshes (Wavefront 1992): `v`, `vt`, `vn`, `f` with indices that count from the start or back from the line, `usemtl` and
-//! `mtllib`, parsed on all threads. Polygons become fans of triangles (concave ones by `scene_file::polygon`). Lines, points,
-//! curves and smoothing groups are not read; what is no triangle is counted.
+//! OBJ meshes (Wavefront 1992), parsed on all threads: `v`, `vt`, `vn`, `f` with indices that count from the start or back from
+//! the current line, `usemtl` and `mtllib`. Polygons become fans of triangles, or are triangulated by `scene_file::polygon` where
+//! they are concave. Lines, points, curves and smoothing groups are not read; elements that are not faces are counted.
 //!
-//! Own, as the crates on offer tell no line of what is wrong. What a file declares by its indices is checked against what it
-//! has given before; memory stays below 64 times its length.
+//! This parser exists because the available crates do not report the line of an error. Every index is checked against the
+//! elements before it; memory stays below 64 times the file's length.
 
 mod files;
 mod mtl;
@@ -30,11 +30,12 @@ use std::path::{Path, PathBuf};
 pub struct ObjPart {
     /// Name of the material; `None` for faces before any `usemtl`.
     pub material: Option<String>,
-    /// Corners: numbers of [`ObjFile`]'s vertices.
+    /// Corners: indices of [`ObjFile`]'s vertices.
     pub triangles: Vec<[u32; 3]>,
-    /// Its faces in the file.
+    /// Number of its faces in the file.
     pub faces: u64,
-    /// Those of them that have corners without texture coordinates, where these are kept; coordinates count as zero there.
+    /// Number of faces with corners without texture coordinates, if coordinates are kept; these corners have the coordinates
+    /// zero.
     pub unmapped_faces: u64,
 }
 
@@ -49,35 +50,35 @@ pub struct ObjMesh {
     pub colours: Option<Vec<Vec3>>,
 }
 
-/// An OBJ file as it was read.
+/// An OBJ file as read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObjFile {
     /// Positions of the vertices of all parts.
     pub positions: Positions,
-    /// Unit normals of them, where a face names some; zero where it does not or they are of no use.
+    /// Unit normals of the vertices, where a face names some. Zero where no face names one or it is unusable.
     pub normals: Option<Vec<Vec3>>,
-    /// Texture coordinates of them, finite, from the lower left of a picture; zero where a face names none.
+    /// Finite texture coordinates of the vertices, from the lower left of a picture. Zero where a face names none.
     pub uvs: Option<Vec<Vec2>>,
-    /// Linear reflectances of them, of what stands after their positions in sRGB; white where a vertex has none.
+    /// Linear reflectances of the vertices, from the sRGB colours after their positions; white where a vertex has none.
     pub colours: Option<Vec<Vec3>>,
-    /// By material, in the order of the file.
+    /// The parts by material, in the order of the file.
     pub parts: Vec<ObjPart>,
-    /// Files of materials, relative to the OBJ's folder, and the lines that name them.
+    /// Material files, relative to the OBJ's folder, and the lines that name them.
     pub libraries: Vec<(PathBuf, usize)>,
     /// What was left out.
     pub report: MeshReport,
 }
 
-/// Reads an OBJ file; the files of its materials are not opened.
+/// Reads an OBJ file. Its material files are not opened.
 ///
 /// # Errors
-/// With the file, the line, what is wrong and what to do.
+/// With the file, the line, the problem, and what to do.
 pub fn read_obj(path: &Path) -> Result<ObjFile, MeshFileError> {
     read_obj_with(path, &MeshReading::ALL, |_| true)
 }
 
-/// [`read_obj`], followed by somebody who may stop it. Texture coordinates are kept where `wants_uvs` says so of the files of
-/// materials and the lines that name them.
+/// [`read_obj`] with a progress callback that may stop it. Texture coordinates are kept if `wants_uvs` returns true for the
+/// material files and the lines that name them.
 pub(super) fn read_obj_with(
     path: &Path,
     reading: &MeshReading<'_>,
@@ -86,7 +87,7 @@ pub(super) fn read_obj_with(
     parse_obj(&read_bytes(path)?, reading, wants_uvs).map_err(|failure| in_file(path, failure))
 }
 
-/// Parses the bytes of an OBJ file; `path` is only for messages.
+/// Parses the bytes of an OBJ file. Messages call it `path`.
 ///
 /// # Errors
 /// As [`read_obj`].
@@ -94,10 +95,11 @@ pub fn parse_obj_bytes(bytes: &[u8], path: &Path) -> Result<ObjFile, MeshFileErr
     parse_obj(bytes, &MeshReading::ALL, |_| true).map_err(|failure| in_file(path, failure))
 }
 
-/// The files of materials that an OBJ names, and the pictures that these name; the pictures that a PLY names; none for other files.
+/// The material files that an OBJ names and the pictures that these name, or the pictures that a PLY names. Empty for other
+/// files.
 ///
 /// # Errors
-/// Where it cannot be read.
+/// Where the file cannot be read.
 pub fn material_files(path: &Path) -> std::io::Result<Vec<PathBuf>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply")) {
@@ -144,7 +146,7 @@ impl ObjFile {
         vec![ObjMesh { material: first.material, mesh, colours }]
     }
 
-    /// Each part as a mesh of the vertices that it uses, and their colours.
+    /// Each part as a mesh of the vertices that it uses, with their colours.
     pub fn into_meshes(self) -> Vec<ObjMesh> {
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let mut meshes = Vec::with_capacity(self.parts.len());
@@ -176,19 +178,19 @@ impl ObjFile {
     }
 }
 
-/// Vertices of a mesh, by what its corners name.
+/// The vertices of a mesh, identified by what their corners name.
 #[derive(Default)]
 struct Vertices {
-    /// What each vertex is: a position, a coordinate and a normal or [`NONE`].
+    /// For each vertex its position, texture coordinate and normal, or [`NONE`].
     all: Vec<Corner>,
-    /// Coordinate and normal that the first corner at each position names, and the vertex that this made: most files need no
-    /// other table.
+    /// For each position the coordinate and the normal that its first corner names, and the vertex made for that corner. Most
+    /// files need no other table.
     first: Vec<Corner>,
-    /// Vertex of other corners.
+    /// Vertices of further corners at a position.
     others: HashMap<Named, u32, Keyed>,
 }
 
-/// A corner as a key.
+/// A corner as a hash key.
 #[derive(PartialEq, Eq)]
 struct Named(Corner);
 
@@ -226,7 +228,7 @@ impl Vertices {
     }
 }
 
-/// Parses the bytes of an OBJ file. Texture coordinates are kept where `wants_uvs` says so of the files of materials.
+/// Parses the bytes of an OBJ file. Texture coordinates are kept if `wants_uvs` returns true for the material files.
 pub(super) fn parse_obj(
     bytes: &[u8],
     reading: &MeshReading<'_>,
@@ -265,7 +267,7 @@ pub(super) fn parse_obj(
         report.non_finite_line = report.non_finite_line.or(piece.non_finite_line);
         let mut materials = piece.materials.into_iter().peekable();
         let mut start = 0;
-        // One more turn, for what stands behind the last face.
+        // One more iteration, for statements after the last face.
         for face in 0..=piece.ends.len() {
             while let Some((_, name)) = materials.next_if(|(before, _)| *before == face) {
                 let next = parts.len();
@@ -329,7 +331,7 @@ pub(super) fn parse_obj(
     Ok(ObjFile { positions, normals, uvs, colours, parts, libraries, report })
 }
 
-/// What follows the keyword.
+/// The text after the keyword.
 fn rest<'a>(text: &'a [u8], keyword: &[u8]) -> &'a [u8] {
     text.get(keyword.len()..).unwrap_or_default().trim_ascii()
 }

@@ -1,5 +1,5 @@
-//! Materials of OBJ files (MTL), taken for the nearest that there is here. They were made for another kind of shading, so this
-//! is a start and no measurement.
+//! Materials of OBJ files (MTL), converted to the nearest models of this renderer. They were made for another shading model, so
+//! the result is a start and not a measurement.
 
 use super::super::mesh_file::{Failure, MeshFileError, MeshPlace, in_file, number, shown, words};
 use super::rest;
@@ -10,26 +10,27 @@ use std::path::{Path, PathBuf};
 /// Longest file that is read.
 const MOST_BYTES: usize = 8 << 20;
 
-/// A material of an MTL file, as far as it is read.
+/// A material of an MTL file, as far as it is supported.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MtlMaterial {
     /// Name.
     pub name: String,
-    /// What it becomes.
+    /// The model that it becomes.
     pub finish: MtlFinish,
     /// `map_Kd`: a picture that multiplies `Kd`.
     pub picture: Option<MtlPicture>,
-    /// `map_d`: a picture of where the surface is (1) and where it is not (0), by its alpha, or its red where it has none.
+    /// `map_d`: a picture of the surface's coverage (1 or 0), from its alpha, or from its red channel where it has no alpha.
     pub cutout: Option<MtlPicture>,
-    /// `Ke`: emitted radiance, taken for W/(m^2 sr).
+    /// `Ke`: emitted radiance, interpreted as W/(m^2 sr).
     pub emission: Vec3,
-    /// Statements that would change its look and are not read, and their lines.
+    /// Unsupported statements that would change the look, with their lines.
     pub unread: Vec<(String, usize)>,
-    /// What was taken otherwise than it says, and the lines.
+    /// Statements that were interpreted differently, with their lines.
     pub notes: Vec<(&'static str, usize)>,
 }
 
-/// A picture on a surface. The point of the mesh with coordinates `uv` shows that of the picture at `scale uv + offset`, from the lower left.
+/// A picture on a surface. A point of the mesh with the coordinates `uv` shows the picture at `scale uv + offset`, from the lower
+/// left.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MtlPicture {
     /// The file, relative to the folder of the MTL.
@@ -38,11 +39,11 @@ pub struct MtlPicture {
     pub scale: Vec2,
     /// `-o`.
     pub offset: Vec2,
-    /// `-clamp on`: the border goes on outside, in place of the picture again.
+    /// `-clamp on`: outside the picture its edge is continued, instead of a repetition of the picture.
     pub clamped: bool,
 }
 
-/// What a material becomes.
+/// The model that a material becomes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MtlFinish {
     /// Matt: `Kd`.
@@ -64,18 +65,18 @@ pub enum MtlFinish {
         base: Vec3,
         /// `Pm`.
         metallic: f32,
-        /// `Pr`, or that of `Ns`: the square root of the slope of facets.
+        /// `Pr`, or derived from `Ns`: the square root of the facets' slope.
         roughness: f32,
         /// `Pc`.
         coat: f32,
         /// `Pcr`.
         coat_roughness: f32,
     },
-    /// Transparent by `d`, `Tr` or `illum`: clear glass of the index `Ni`.
+    /// Transparent by `d`, `Tr` or `illum`: clear glass with the index `Ni`.
     Glass(f64),
 }
 
-/// The values of a material as the file has them.
+/// The values of a material as given in the file.
 #[derive(Clone, Debug)]
 struct Values {
     ke: Vec3,
@@ -83,7 +84,7 @@ struct Values {
     cutout: Option<MtlPicture>,
     unread: Vec<(String, usize)>,
     notes: Vec<(&'static str, usize)>,
-    /// With the line, where there is one.
+    /// With its line, or 0 for the default.
     kd: (Vec3, usize),
     ks: Vec3,
     ns: f64,
@@ -125,11 +126,11 @@ impl Default for Values {
 }
 
 impl Values {
-    /// How opaque the surface is, by whichever of `d` and `Tr` can be meant.
+    /// Opacity of the surface, from `d` or `Tr`, whichever is plausible.
     fn opacity(&mut self) -> f64 {
         const TR_ONE: &str = "`Tr 1` is taken for opaque, as MeshLab and the tools of scanners mean it; write `d 0` and `illum 4` for clear \
                               glass";
-        /// Rounding of what programs print.
+        /// Rounding errors of printed values.
         const SAME: f64 = 1e-3;
         match (self.dissolve, self.transparency) {
             (None, None) => 1.0,
@@ -156,16 +157,16 @@ impl Values {
         }
     }
 
-    /// Whether `illum` asks for refraction.
+    /// Whether `illum` selects refraction.
     fn is_raytraced(&self) -> bool {
         matches!(self.illum as i64, 4 | 6 | 7 | 9)
     }
 
-    /// What it becomes; notes what was meant otherwise.
+    /// Chooses the model, and notes values that are interpreted differently.
     fn finish(&mut self) -> MtlFinish {
-        /// A surface that lets less through is a cut-out or a mistake more often than glass.
+        /// Largest opacity of glass. A more opaque surface is a cut-out or a mistake more often than glass.
         const CLEAR: f64 = 0.5;
-        /// Reflectance that counts as none.
+        /// Reflectance below which a colour counts as black.
         const DARK: f32 = 0.01;
         let opacity = self.opacity();
         let is_glass = self.is_raytraced();
@@ -204,16 +205,16 @@ impl Values {
         if matches!(self.illum as i64, 3 | 5) && kd.max_element() <= DARK && ks.max_element() > DARK {
             return MtlFinish::Mirror(ks);
         }
-        // `illum 0` and `1` have no highlight, whatever `Ks` says.
+        // `illum 0` and `1` mean no highlight, whatever `Ks` is.
         if ks.max_element() <= DARK || self.illum < 2.0 {
             return MtlFinish::Lambert(kd);
         }
-        // Together they reflect at most all.
+        // Together they reflect at most all light.
         let most = (kd + ks).max_element().max(1.0);
         MtlFinish::Ward { diffuse: kd / most, gloss: ks / most, roughness: self.slope() as f32 }
     }
 
-    /// Slope of facets of the exponent `Ns`.
+    /// Slope of the facets for the exponent `Ns`.
     fn slope(&self) -> f64 {
         (2.0 / (self.ns.max(0.0) + 2.0)).sqrt().clamp(1e-3, 1.0)
     }
@@ -222,7 +223,7 @@ impl Values {
 /// Reads an MTL file.
 ///
 /// # Errors
-/// With the file, the line, what is wrong and what to do.
+/// With the file, the line, the problem, and what to do.
 pub fn read_mtl(path: &Path) -> Result<Vec<MtlMaterial>, MeshFileError> {
     let unreadable = |error| {
         let problem = format!("cannot be read: {error}; check its name and permissions");
@@ -231,7 +232,7 @@ pub fn read_mtl(path: &Path) -> Result<Vec<MtlMaterial>, MeshFileError> {
     parse_mtl_bytes(&read_regular(path, MOST_BYTES as u64).map_err(unreadable)?, path)
 }
 
-/// Parses the bytes of a file of materials; `path` is only for messages.
+/// Parses the bytes of a material file. Messages call it `path`.
 ///
 /// # Errors
 /// As [`read_mtl`].
@@ -267,7 +268,7 @@ pub fn parse_mtl_bytes(bytes: &[u8], path: &Path) -> Result<Vec<MtlMaterial>, Me
 }
 
 impl Values {
-    /// Takes in a statement after `newmtl`.
+    /// Applies a statement after `newmtl`.
     fn statement(&mut self, keyword: &[u8], text: &[u8], line: usize) -> Result<(), Failure> {
         let mut parts = words(text).skip(1);
         let mut value = |what: &str| match number(parts.next(), line, what)? {
@@ -275,7 +276,7 @@ impl Values {
             _ => Err((MeshPlace::Line(line), format!("{what} is not finite; mend the line"))),
         };
         let known = keyword.to_ascii_lowercase();
-        // Colours by spectral files or other coordinates keep the default.
+        // Colours given by spectral files or in other colour spaces keep the default.
         let is_plain = !words(text).nth(1).is_some_and(|word| word == b"spectral" || word == b"xyz");
         match known.as_slice() {
             b"kd" | b"ks" | b"ke" | b"tf" if is_plain => {
@@ -311,9 +312,9 @@ impl Values {
                 let of = if known == b"map_kd" { &mut self.picture } else { &mut self.cutout };
                 *of = Some(picture.0);
             }
-            // Of no effect here: ambient light, which is computed, and how pictures are sharpened or blended.
+            // Without effect here: ambient light, which is computed, and the sharpening or blending of pictures.
             b"ka" | b"km" | b"map_ka" | b"sharpness" | b"map_aat" => {}
-            // Nothing by its number.
+            // Without effect where the number is zero.
             b"ps" | b"aniso" | b"anisor" if value("the number")? == 0.0 => {}
             comment if comment.starts_with(b"#") => {}
             _ => self.unread.push((shown(keyword), line)),
@@ -322,15 +323,15 @@ impl Values {
     }
 }
 
-/// What `map_Kd` says: options, and the name of the file, which may have blanks; and the options that would change it and are
-/// not read.
+/// Parses `map_Kd`: options, and the file name, which may contain blanks. Also yields the unsupported options that would change
+/// the picture.
 fn picture(mut text: &[u8]) -> Option<(MtlPicture, Vec<&'static str>)> {
     let mut picture =
         MtlPicture { file: PathBuf::new(), scale: Vec2::ONE, offset: Vec2::ZERO, clamped: false };
     let mut unread = Vec::new();
     while text.starts_with(b"-") {
         let option = next_word(&mut text).to_ascii_lowercase();
-        // `-s`, `-o` and `-t` have one to three numbers, `-mm` two, all others one word.
+        // `-s`, `-o` and `-t` have one to three numbers, `-mm` has two, all other options have one word.
         let mut numbers = [None; 3];
         let most = match option.as_slice() {
             b"-s" | b"-o" | b"-t" => 3,
@@ -368,7 +369,7 @@ fn picture(mut text: &[u8]) -> Option<(MtlPicture, Vec<&'static str>)> {
     (!picture.file.as_os_str().is_empty()).then_some((picture, unread))
 }
 
-/// Takes a word and the blanks behind it off a text.
+/// Removes a word and the following blanks from the start of a text.
 fn next_word<'a>(text: &mut &'a [u8]) -> &'a [u8] {
     let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
     let (word, left) = text.split_at(end);

@@ -1,5 +1,5 @@
-//! Pieces of an OBJ file, each parsed by one thread: a first pass counts what lies before each, so that indices that count back and
-//! the numbers of lines are those of the whole file.
+//! Pieces of an OBJ file, each parsed by one thread. A first pass counts the elements before each piece, so that relative indices
+//! and line numbers are those of the whole file.
 
 use super::super::mesh_file::{Failure, MeshPlace, MeshReading, number, shown, words};
 use super::rest;
@@ -10,10 +10,10 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Bytes of a piece, or some more, up to the end of a line.
+/// Approximate bytes of a piece, which ends at the end of a line.
 const PIECE: usize = 1 << 20;
 
-/// Index of what a corner does not name.
+/// Index of an element that a corner does not name.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Colour of a vertex without one.
@@ -22,19 +22,20 @@ pub(super) const COLOURLESS: [f32; 3] = [f32::NAN; 3];
 /// A corner of a face: position, texture coordinate and normal, from 0, or [`NONE`].
 pub(super) type Corner = [u32; 3];
 
-/// What is in a part of a file.
+/// The content of a piece.
 #[derive(Default)]
 pub(super) struct Piece {
     pub(super) positions: Vec<DVec3>,
-    /// Red, green and blue of the vertices as they stand there, [`COLOURLESS`] where there are none; empty, or up to the last that has one.
+    /// Colours of the vertices as given in the file, [`COLOURLESS`] where there are none. The list may be empty, or end at the
+    /// last vertex with a colour.
     pub(super) colours: Vec<[f32; 3]>,
     pub(super) coordinates: Vec<Vec2>,
     pub(super) normals: Vec<Vec3>,
-    /// Corners of all faces, one after the other.
+    /// Corners of all faces in order.
     pub(super) corners: Vec<Corner>,
-    /// Where in these each face ends.
+    /// End of each face in `corners`.
     pub(super) ends: Vec<u32>,
-    /// `usemtl`: the count of faces before it, and the name.
+    /// `usemtl`: the number of faces before it, and the name.
     pub(super) materials: Vec<(usize, String)>,
     pub(super) libraries: Vec<(PathBuf, usize)>,
     pub(super) other_elements: u64,
@@ -42,7 +43,7 @@ pub(super) struct Piece {
     pub(super) non_finite_line: Option<usize>,
 }
 
-/// How much of each kind there is in a part of a file, or before it.
+/// Numbers of elements in a part of a file, or before it.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     lines: usize,
@@ -51,7 +52,7 @@ struct Counts {
     normals: usize,
 }
 
-/// All pieces, in the order of the file. Where several are wrong the first in the file is told.
+/// Parses all pieces, in the order of the file. Of several errors the first in the file is reported.
 pub(super) fn parse_pieces(bytes: &[u8], reading: &MeshReading<'_>) -> Result<Vec<Piece>, Failure> {
     let texts = texts(bytes);
     let counts: Vec<Counts> = texts.par_iter().map(|text| Counts::of(text)).collect();
@@ -71,7 +72,7 @@ pub(super) fn parse_pieces(bytes: &[u8], reading: &MeshReading<'_>) -> Result<Ve
     pieces.into_iter().collect()
 }
 
-/// The file in pieces that end with whole statements.
+/// Splits the file into pieces that end with complete statements.
 fn texts(bytes: &[u8]) -> Vec<&[u8]> {
     let mut texts = Vec::with_capacity(bytes.len() / PIECE + 1);
     let mut rest = bytes;
@@ -88,16 +89,16 @@ fn texts(bytes: &[u8]) -> Vec<&[u8]> {
     texts
 }
 
-/// Whether a text ends with a line that does not go on in the next one.
+/// Whether a text ends with a line that is not continued on the next line.
 fn ends_statement(text: &[u8]) -> bool {
     let Some(text) = text.strip_suffix(b"\n") else { return false };
-    // Of the last line alone: what is before it was looked at already, and may be long.
+    // Only the last line: the text before it was checked already and may be long.
     let line = text.rsplit(|&byte| byte == b'\n').next().unwrap_or_default();
     !line.trim_ascii_end().ends_with(b"\\")
 }
 
-/// Statements of a piece and the number of their last line, from 0 at its start. A line that ends in a backslash goes on in the
-/// next one.
+/// Statements of a piece with the number of their last line, from 0 at the start of the piece. A line that ends in a backslash
+/// continues on the next line.
 fn statements(text: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, [u8]>)> {
     let mut lines = text.strip_suffix(b"\n").unwrap_or(text).split(|&byte| byte == b'\n').enumerate();
     std::iter::from_fn(move || {
@@ -147,7 +148,7 @@ impl Counts {
 }
 
 impl Piece {
-    /// Parses a piece that begins after so much.
+    /// Parses a piece with the given numbers of elements before it.
     fn parse(text: &[u8], before: Counts) -> Result<Self, Failure> {
         let mut piece = Self::default();
         for (number, statement) in statements(text) {
@@ -185,7 +186,7 @@ impl Piece {
             }
             b"vt" => {
                 let u = number(parts.next(), line, "u of the texture coordinate")? as f32;
-                // One number is enough, for a picture of one dimension.
+                // One number suffices, for a one-dimensional picture.
                 let v = match parts.next().filter(|word| !word.starts_with(b"#")) {
                     Some(word) => number(Some(word), line, "v of the texture coordinate")? as f32,
                     None => 0.0,
@@ -203,14 +204,14 @@ impl Piece {
                 let name = String::from_utf8_lossy(rest(text, keyword)).into_owned();
                 self.libraries.push((PathBuf::from(name), line));
             }
-            // Names, groups, smoothing, comments, and what a mesh does not need.
+            // Names, groups, smoothing, comments, and other statements that a mesh does not need.
             _ => {}
         }
         Ok(())
     }
 
-    /// The three numbers after those of a position, as many programs write colours. A fourth is alpha; one alone is a weight, for
-    /// curves.
+    /// Reads the three numbers after a position, which many programs write as a colour. A fourth number is alpha; a single number
+    /// is a weight for curves.
     fn colour<'a>(&mut self, parts: impl Iterator<Item = &'a [u8]>) {
         let mut colour = [0.0; 3];
         let mut count = 0;
@@ -259,7 +260,7 @@ impl Piece {
     }
 }
 
-/// An index of one of `count` things, from 0: the file counts from 1, or back from the last with negative numbers.
+/// An index of one of `count` elements, from 0. The file counts from 1, or back from the last element with negative numbers.
 fn index(text: &[u8], count: usize, things: &str, line: usize) -> Result<u32, Failure> {
     let fail = |problem: String| Err((MeshPlace::Line(line), problem));
     let Some(number) = std::str::from_utf8(text).ok().and_then(|text| text.parse::<i64>().ok()) else {
@@ -281,7 +282,7 @@ fn index(text: &[u8], count: usize, things: &str, line: usize) -> Result<u32, Fa
 mod tests {
     use super::*;
 
-    /// A file of many pieces with materials, indices both ways and lines that go on, one triangle a block.
+    /// A file of many pieces, with materials, indices in both directions and continued lines; each block has one triangle.
     fn long(blocks: usize) -> String {
         let block = |i: usize| {
             format!(
@@ -308,14 +309,14 @@ mod tests {
             assert_eq!(face, [[first, i, i], [first + 1, NONE, NONE], [first + 2, NONE, NONE]]);
         }
         assert_eq!(pieces.iter().map(|piece| piece.materials.len()).sum::<usize>(), blocks);
-        // Lines are counted from the start of the file, whichever piece they are in.
+        // Line numbers count from the start of the file, whichever piece a line is in.
         let lines = text.lines().count();
         for bad in ["f 1 2 0\n", "f 1 2 999999\n", "v 1 2\n"] {
             let (place, _) =
                 parse_pieces(format!("{text}{bad}").as_bytes(), &MeshReading::ALL).err().unwrap();
             assert_eq!(place, MeshPlace::Line(lines + 1), "{bad}");
         }
-        // Of two errors the first is told.
+        // Of two errors the first is reported.
         let twice = format!("{}f x\n{}f y\n", long(20_000), long(20_000));
         let (_, problem) = parse_pieces(twice.as_bytes(), &MeshReading::ALL).err().unwrap();
         assert!(problem.contains("`x`"), "{problem}");
@@ -326,7 +327,7 @@ mod tests {
         let line = "f 1 2 3 \\\n";
         let text = line.repeat(PIECE / line.len() + 5);
         assert_eq!(texts(text.as_bytes()).len(), 1);
-        // A blank line ends one; looking back past blank lines would take for ever here.
+        // A blank line ends the continuation; a search back over all blank lines would take too long.
         let blank = format!("f 1 2 3 \\\n{}", "\n".repeat(8 * PIECE));
         assert_eq!(texts(blank.as_bytes()).len(), 9);
         let found: Vec<_> = statements(b"v 1 \\\n2 \\ \n 3\nvt 1\n\\").collect();

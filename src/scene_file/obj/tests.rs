@@ -1,3 +1,5 @@
+//! Tests of the OBJ reader.
+
 use super::*;
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
@@ -22,7 +24,7 @@ fn faces_normals_and_materials() {
         (obj.report.short_faces, obj.report.degenerate_triangles, obj.report.other_elements),
         (1, 1, 1)
     );
-    // Positions with and without a normal or a coordinate are two vertices; those with it have it.
+    // A position with and without a normal or a coordinate makes two vertices.
     assert_eq!(obj.positions.len(), 3 + 4 + 2);
     let normals = obj.normals.as_ref().unwrap();
     assert_eq!(obj.parts[0].triangles[0].map(|v| normals[v as usize]), [Vec3::Z; 3]);
@@ -61,7 +63,7 @@ fn empty_nan_and_cut_files() {
     assert_eq!((mesh.triangles.len(), report.non_finite_triangles), (0, 1));
     let text = format!("{SQUARE}vn 0 0 1\nusemtl a\nf 1//1 2//1 3//1\nf 1//1 3//1 4//1\n");
     for sixteenth in 0..=16 {
-        // A mesh of what is there, or an error.
+        // Either a mesh of the complete statements, or an error.
         match parse(&text[..text.len() * sixteenth / 16]) {
             Ok(obj) => assert!(obj.into_mesh().0.triangles.len() <= 2),
             Err(message) => assert!(message.contains("again"), "{message}"),
@@ -124,7 +126,7 @@ fn coordinates_are_kept_where_they_are_wanted() {
     let corners: Vec<_> = obj.parts[0].triangles.iter().map(|t| t.map(|v| uvs[v as usize])).collect();
     let (zero, one) = (Vec2::ZERO, Vec2::X);
     assert_eq!(corners, [[zero, one, zero], [one, zero, zero]]);
-    // The first position is two vertices, as it has two coordinates.
+    // The first position has two coordinates and becomes two vertices.
     assert_eq!(obj.positions.len(), 5);
     let plain = parse_obj(text.as_bytes(), &MeshReading::ALL, |libraries| {
         assert_eq!(libraries, [(PathBuf::from("m.mtl"), 5)]);
@@ -139,7 +141,7 @@ fn colours_after_positions_are_read() {
     let text = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0.5\nv 1 1 0 0.2\nv 0 1 0 0 0 1 0.5\nf 1 2 3 4\n";
     let obj = parse(text).unwrap();
     let colours = obj.colours.unwrap();
-    // One number is a weight, a fourth alpha.
+    // A single number is a weight, a fourth is alpha.
     assert_eq!((colours[0], colours[2], colours[3]), (Vec3::X, Vec3::ONE, Vec3::Z));
     assert!((colours[1].z - 0.214).abs() < 1e-3);
     assert_eq!(obj.report.colourless_vertices, 1);

@@ -1,4 +1,4 @@
-//! Shapes that are meshes made by rule: `type = "lathe"`, `type = "teapot"`.
+//! Shapes with generated meshes: `type = "lathe"`, `type = "teapot"`.
 
 use crate::scene_file::description::GeometryDescription;
 use crate::scene_file::generate::{Curve, Generator, Lathe, MOST_TRIANGLES, Teapot};

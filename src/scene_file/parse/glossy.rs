@@ -7,18 +7,18 @@ use crate::scene_file::description::MaterialDescription;
 use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, NUMBER, Table, Value};
 use toml::de::DeValue;
 
-/// Slopes of microfacets, from smooth.
+/// Range of the slope of microfacets, from smooth.
 pub(super) const ROUGHNESS: Expected =
     Expected { what: "a roughness from 0 to 1", example: "0.1", holds: |x| (0.0..=1.0).contains(&x) };
 
-/// Slopes that a Gaussian lobe can have; a mirror is another material.
+/// Range of slopes of a Gaussian lobe; a mirror is a separate material.
 const POSITIVE_ROUGHNESS: Expected = Expected {
     what: "a roughness from 0.0001 to 1 (for less, use `mirror`)",
     example: "0.1",
     holds: |x| (1e-4..=1.0).contains(&x),
 };
 
-/// How much azimuths differ, from grooves to none.
+/// Range of isotropy: from grooves in one direction to none.
 const ISOTROPY: Expected = Expected {
     what: "an isotropy from 0.001 (grooves along the tangent) to 1 (isotropic)",
     example: "0.2",
@@ -31,12 +31,12 @@ const ETA: Expected =
 
 const FORMS: &[(&str, Form)] = &[("bounded", Form::Bounded), ("printed", Form::Printed)];
 
-/// A fraction for each channel.
+/// A reflectance for each channel.
 pub(super) fn read_reflectance(value: Value<'_>) -> Option<Rgb> {
     value.colour(&FRACTION).map(|colour| colour.as_vec3())
 }
 
-/// One number for all directions, or a list of two: along the tangent and across it.
+/// One slope for all directions, or a list of two: along the tangent and across it.
 fn read_roughness(value: Value<'_>, range: &Expected) -> Option<[f32; 2]> {
     if !matches!(value.get_ref(), DeValue::Array(_)) {
         return value.number(range).map(|alpha| [alpha as f32; 2]);
@@ -50,7 +50,7 @@ fn read_roughness(value: Value<'_>, range: &Expected) -> Option<[f32; 2]> {
     }
 }
 
-/// What all glossy materials share.
+/// Reads the keys that all glossy materials share.
 fn finish(table: &mut Table<'_>, bsdf: Option<Bsdf>) -> Option<MaterialDescription> {
     let two_sided = table.or("two-sided", true, |value| value.boolean());
     let along = table.get("tangent");
@@ -79,7 +79,7 @@ fn finish(table: &mut Table<'_>, bsdf: Option<Bsdf>) -> Option<MaterialDescripti
             "add `tangent = [1.0, 0.0, 0.0]`, or `tangent-around = [0.0, 1.0, 0.0]` for something turned on a lathe",
         );
     }
-    // Where no direction is special none is projected at each hit.
+    // An isotropic model needs no tangent, so none is projected at hits.
     let tangent = tangent.filter(|_| bsdf.is_anisotropic());
     Some(MaterialDescription::Glossy { bsdf, two_sided, tangent })
 }

@@ -20,7 +20,7 @@ const CONE_ANGLE: Expected = Expected {
     holds: |x| (0.0..=180.0).contains(&x),
 };
 
-/// W/sr for a candela: 683 lm/W.
+/// Radiant intensity of one candela, W/sr: 683 lm/W.
 const PER_CANDELA: f64 = 1.0 / 683.0;
 
 #[derive(Clone, Copy)]
@@ -33,7 +33,7 @@ enum Kind {
     Ies,
 }
 
-/// The lights, and the share of photons of each.
+/// The lights, and for each the factor on its share of the photons.
 pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> (Vec<Named<LightDescription>>, Vec<f64>) {
     let mut names = Names::new("light");
     let mut environment: Option<Location> = None;
@@ -103,7 +103,7 @@ fn read_direction(value: Value<'_>) -> Option<DVec3> {
     }
 }
 
-/// Path of a file that must exist.
+/// Path of an existing file.
 fn read_file(value: Value<'_>) -> Option<PathBuf> {
     let path = value.path()?;
     if !path.is_file() {
@@ -118,7 +118,7 @@ fn read_file(value: Value<'_>) -> Option<PathBuf> {
     Some(path)
 }
 
-/// One radiance from everywhere, or a picture.
+/// A constant radiance or an environment map.
 fn read_environment(table: &mut Table<'_>) -> Option<LightDescription> {
     let Some(image) = table.get("image") else {
         let radiance = table.required("radiance", "[1.0, 1.0, 1.0]", |value| value.colour(&NON_NEGATIVE));
@@ -239,7 +239,8 @@ fn read_profile(table: &mut Table<'_>, unit: f64) -> Option<LightDescription> {
     })
 }
 
-/// Radiant intensity (W/sr) of a light at a point, given as such or as power (W), which is `flux` times as much.
+/// Radiant intensity (W/sr) of a light at a point. The file gives it directly, or as power (W), which is `flux` times the
+/// intensity.
 fn read_intensity(table: &mut Table<'_>, flux: f64) -> Option<DVec3> {
     match (table.get("intensity"), table.get("power")) {
         (Some(intensity), None) => intensity.colour(&NON_NEGATIVE),

@@ -1,4 +1,4 @@
-//! `[media.NAME]` and `[materials.NAME]`.
+//! `[materials.NAME]`, and the ranges that materials and media share.
 
 use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
 use super::names::Names;
@@ -9,7 +9,7 @@ use crate::scene_file::description::*;
 use crate::scene_file::reader::{Context, Expected, NON_NEGATIVE, Table};
 use glam::DVec3;
 
-/// Indices of refraction. Nothing transparent is near the upper bound; what lies above it is a mistake.
+/// Range of indices of refraction. No transparent material is near the upper bound; a higher value is a mistake.
 pub(super) const IOR: Expected = Expected {
     what: "an index of refraction from 1 to 100",
     example: "1.5",
@@ -29,13 +29,13 @@ enum Kind {
     Conductor,
 }
 
-/// Absorption coefficient; per unit of length of the file there, per metre here.
+/// Absorption coefficient, converted from the file's unit to 1/m.
 pub(super) fn read_absorption(table: &mut Table<'_>, unit: f64) -> Option<DVec3> {
     let value = table.or("absorption", DVec3::ZERO, |value| value.colour(&NON_NEGATIVE))?;
     Some(value / unit)
 }
 
-/// Materials by name. Media without a name of their own, from `ior = ...` in a dielectric, are added to `media`.
+/// Materials by name. Unnamed media, from `ior = ...` in a dielectric, are added to `media`.
 pub(super) fn read_materials(
     table: Option<Table<'_>>,
     media_names: &Names,
@@ -57,7 +57,7 @@ pub(super) fn read_materials(
             read_material(table, name, &location, media_names, media, unit)
         });
         let value = material.unwrap_or(BLACK);
-        // A material that is no table is refused; its look keeps the numbers of the others right.
+        // An entry that is not a table is refused, but the list of looks stays aligned with the materials.
         looks.resize(materials.len() + 1, MaterialLook::default());
         let kind = match value {
             MaterialDescription::Dielectric { .. } => Some("a dielectric"),
@@ -73,10 +73,10 @@ pub(super) fn read_materials(
     (materials, looks, names)
 }
 
-/// Absorbs everything.
+/// A material that absorbs all light.
 const BLACK: MaterialDescription = MaterialDescription::Lambert { reflectance: Rgb::ZERO, two_sided: true };
 
-/// What a shape that emits is made of where the file gives it no material.
+/// Material of an emitting shape for which the file gives none.
 pub(super) fn implied_material(context: &Context<'_>) -> Named<MaterialDescription> {
     Named { name: "black (implied)".to_string(), location: context.source.whole(), value: BLACK }
 }
@@ -136,15 +136,15 @@ fn read_material(
     material
 }
 
-/// What is behind a dielectric surface.
+/// The medium behind a dielectric surface.
 enum Inside {
     /// Index into [`SceneDescription::media`].
     Named(usize),
-    /// Given at the material itself.
+    /// Defined at the material itself.
     Anonymous(MediumDescription),
 }
 
-/// `inside = "NAME"`, or in short `ior = ...` and perhaps `absorption = ...`.
+/// Reads `inside = "NAME"`, or the short form `ior = ...` with an optional `absorption = ...`.
 fn read_inside(table: &mut Table<'_>, media_names: &Names, unit: f64) -> Option<Inside> {
     let inside = table.get("inside");
     let ior = table.get("ior");

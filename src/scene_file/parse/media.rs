@@ -13,18 +13,18 @@ const PRIORITY: Expected = Expected {
     holds: |x| x.fract() == 0.0 && x.abs() <= 1000.0,
 };
 
-/// Mean cosines of phase functions.
+/// Range of the mean cosine of phase functions.
 const MEAN_COSINE: Expected = Expected {
     what: "a number between -1 and 1 (0 scatters evenly, above 0 forwards)",
     example: "0.8",
     holds: |x| x.abs() < 1.0,
 };
 
-/// Scattering coefficients: beyond these no change of scale takes them out of range.
+/// Range of scattering coefficients: within it no change of scale leaves the range of `f32`.
 const SCATTERING: Expected =
     Expected { what: "a number from 0 to 1e12", example: "0.5", holds: |x| (0.0..=1e12).contains(&x) };
 
-/// Media by name, `air` before all others.
+/// Media by name, with `air` first.
 pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
     let mut names = Names::new("medium");
     names.add("air", 0..0);
@@ -43,7 +43,7 @@ pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<Medi
         let example = format!("write `[media.{name}]` and below it `ior = 1.5`");
         let medium =
             value.table(format!("[media.{name}]"), &example).and_then(|medium| read_medium(medium, unit));
-        // A medium with errors keeps its place, so that the numbers of the others stay right.
+        // A medium with errors keeps its place, so that the numbers of the others stay valid.
         let value = medium.unwrap_or(air.clone());
         media.push(Named { name: name.to_string(), location: context.location(&span), value });
     }
@@ -56,7 +56,7 @@ fn read_medium(mut table: Table<'_>, unit: f64) -> Option<MediumDescription> {
     let absorption = read_absorption(&mut table, unit);
     let volume = read_volume(&mut table, unit, preset.flatten(), absorption);
     let ior = match &volume {
-        // Droplets in air.
+        // A scattering medium may be droplets in air, so `ior` is optional.
         Some(Some(_)) => {
             let usual = preset.flatten().map_or(1.0, |preset| f64::from(preset.ior()));
             table.or("ior", usual, |value| value.number(&IOR))
@@ -71,7 +71,7 @@ fn read_medium(mut table: Table<'_>, unit: f64) -> Option<MediumDescription> {
     Some(MediumDescription { ior: ior?, absorption, priority: priority?, volume })
 }
 
-/// What scatters in a medium: `Some(None)` where nothing does, `None` after an error.
+/// Reads the volume of a medium: `Some(None)` where nothing scatters, `None` after an error.
 fn read_volume(
     table: &mut Table<'_>,
     unit: f64,

@@ -1,4 +1,4 @@
-//! The text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
+//! Parses the text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
 
 mod generate;
 mod glossy;
@@ -27,20 +27,19 @@ use std::ops::Range;
 use std::path::Path;
 use toml::de::{DeTable, DeValue};
 
-/// Longest scene text that is read. A list of nothing but digits takes 90 times its text in memory, so this is less
-/// than a gigabyte; and geometry of that size belongs in mesh files.
+/// Longest scene text that is read. An array of single digits takes 90 times its text in memory, so this bound keeps the memory
+/// below a gigabyte. Geometry of that size belongs in mesh files.
 pub const MAX_TEXT_BYTES: u64 = 8 << 20;
 
-/// Names of units of length, and what they are in metres.
+/// Units of length by name, in metres.
 const UNITS: &[(&str, f64)] =
     &[("mm", 0.001), ("cm", 0.01), ("m", 1.0), ("km", 1000.0), ("inch", 0.0254), ("ft", 0.3048)];
 
-/// Reads a scene file. `parameters` are the `--set name=value` of the command line, later ones win.
+/// Reads a scene file. `parameters` are the `--set name=value` of the command line; later ones win.
 ///
 /// # Errors
-/// [`SceneFileError`] where the file cannot be read, is not UTF-8, is longer than [`MAX_TEXT_BYTES`], or says
-/// something wrong: then with everything that was found, each with its place and remedy. Meshes are not opened,
-/// but that their files exist is checked.
+/// [`SceneFileError`] where the file cannot be read, is not UTF-8, is longer than [`MAX_TEXT_BYTES`], or has errors. Then it
+/// holds all errors that were found, each with its place and remedy. Meshes are not opened, but their files must exist.
 pub fn load_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneDescription, SceneFileError> {
     let fail = |source, remedy| SceneFileError::Io { path: path.to_path_buf(), source, remedy };
     let remedy = |error: &std::io::Error| match error.kind() {
@@ -62,7 +61,7 @@ pub fn load_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneD
         return Err(kind.map_or(too_long, foreign));
     }
     let bytes = read_regular(path, MAX_TEXT_BYTES).map_err(refuse)?;
-    // Text of any name may be a scene, but for what no scene begins with.
+    // A scene file may have any name, so its content decides.
     if let Some(kind) = foreign_by_content(path, &bytes) {
         return Err(foreign(kind));
     }
@@ -71,7 +70,7 @@ pub fn load_scene(path: &Path, parameters: &[(String, String)]) -> Result<SceneD
         Ok(text) => parse_scene(text, path, parameters),
         Err(error) => Err(not_utf8(path, &bytes, error)),
     };
-    // What is wrong in detail helps nobody where the file is of another kind.
+    // Syntax errors are no help where the file is of another kind.
     parsed.map_err(|error| match (error, kind) {
         (SceneFileError::NotToml { .. } | SceneFileError::NotUtf8 { .. }, Some(kind)) => foreign(kind),
         (error, _) => error,
@@ -85,11 +84,11 @@ fn not_utf8(path: &Path, bytes: &[u8], error: std::str::Utf8Error) -> SceneFileE
     SceneFileError::NotUtf8 { location, byte: rest.first().copied().unwrap_or(0) }
 }
 
-/// Parses the text of a scene file. `file` is its name for messages and the start of relative paths;
-/// `parameters` are the `--set name=value` of the command line, later ones win.
+/// Parses the text of a scene file. `file` is its name for messages and the base of relative paths. `parameters` are the `--set
+/// name=value` of the command line; later ones win.
 ///
 /// # Errors
-/// As [`load_scene`]. Nothing panics, whatever the text is.
+/// As [`load_scene`]. No text causes a panic.
 pub fn parse_scene(
     text: &str,
     file: &Path,
@@ -125,10 +124,10 @@ pub fn parse_scene(
     }
 }
 
-/// Errors of the TOML parser that are told. One mistake may make many, and a file of another kind has nothing else.
+/// Most TOML syntax errors that are reported. One mistake may cause many, and a file of another kind has nothing else.
 const SYNTAX_ERRORS: usize = 3;
 
-/// Errors of the TOML parser, each once: it closes nested brackets one by one.
+/// Reports syntax errors, each once: the TOML parser closes nested brackets one by one.
 fn report_syntax(context: &Context<'_>, errors: &[toml::de::Error]) {
     let told = |error: &toml::de::Error| {
         let message = format!("not TOML: {}", error.message().replace('\n', ", "));
@@ -153,14 +152,14 @@ fn read_parameters<'a>(
     Parameters::read(context, table.as_ref(), settings)
 }
 
-/// Reads everything that is there; `None` or recorded errors mean that the file is refused.
+/// Reads the whole scene. `None` or recorded errors mean that the file is refused.
 fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) -> Option<SceneDescription> {
     let mut table = Table::new(context, root, 0..0, "the scene file");
-    // Read before everything else, and by itself.
+    // The parameters are read earlier and separately.
     table.get("parameters");
     let stem = || file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = table.or("name", stem(), |value| value.string().map(|name| name.into_owned()));
-    // Where the unit is wrong, the rest is still read for its own errors.
+    // Even with a wrong unit, the rest is read for its own errors.
     let unit = table.or("unit", 1.0, read_unit).unwrap_or(1.0);
     let camera = section(&mut table, "camera").map(|camera| view::read_camera(camera, unit));
     let film = section(&mut table, "film").map_or(Some(view::default_film()), view::read_film);
@@ -253,7 +252,7 @@ fn sections<'a>(root: &mut Table<'a>, name: &'static str) -> Vec<Table<'a>> {
     tables.collect()
 }
 
-/// Name of an item of a list: the key `name`, or its kind and number; a name given twice is refused.
+/// Name of an item of an array: the key `name`, or its kind and number. A name given twice is refused.
 fn read_name(table: &mut Table<'_>, seen: &mut Names, kind: &str, index: usize) -> Option<String> {
     let context = table.context();
     let Some(value) = table.get("name") else { return Some(format!("{kind} {}", index + 1)) };
@@ -262,7 +261,7 @@ fn read_name(table: &mut Table<'_>, seen: &mut Names, kind: &str, index: usize) 
     Some(name)
 }
 
-/// Adds a name that must be new.
+/// Adds a name, which must be new.
 fn declare(context: &Context<'_>, names: &mut Names, name: &str, span: &Range<usize>) -> Option<()> {
     if let Some(first) = names.place_of(name) {
         let place = context.location(first);

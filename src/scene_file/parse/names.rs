@@ -1,4 +1,4 @@
-//! Names that one part of a file defines and others refer to.
+//! Tables of names that one part of a file defines and others use.
 
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::reader::{Context, Value};
@@ -6,10 +6,10 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Names of one kind of thing, numbered in the order in which they were added.
+/// Names of one kind of object, numbered in the order of their definition.
 #[derive(Debug)]
 pub(super) struct Names {
-    /// What they name, for messages: "material".
+    /// The kind of object, for messages: "material".
     kind: &'static str,
     by_name: BTreeMap<String, Entry>,
 }
@@ -30,18 +30,18 @@ impl Names {
         self.by_name.len()
     }
 
-    /// Adds a name, or nothing where it exists, and returns its number.
+    /// Adds a name if it is new, and returns its number.
     pub(super) fn add(&mut self, name: &str, span: Range<usize>) -> usize {
         let index = self.by_name.len();
         self.by_name.entry(name.to_string()).or_insert(Entry { index, span, used: Cell::new(false) }).index
     }
 
-    /// Where a name was defined.
+    /// Place of the definition of a name.
     pub(super) fn place_of(&self, name: &str) -> Option<&Range<usize>> {
         self.by_name.get(name).map(|entry| &entry.span)
     }
 
-    /// The number of the thing that `value` names; counts as a use of it.
+    /// The number of the object that `value` names; counts as a use of the name.
     pub(super) fn find(&self, value: Value<'_>) -> Option<usize> {
         let name = value.string()?;
         if let Some(entry) = self.by_name.get(name.as_ref()) {
@@ -56,7 +56,7 @@ impl Names {
         None
     }
 
-    /// Warns about names that nothing refers to.
+    /// Warns about names that are never used.
     pub(super) fn warn_unused(&self, context: &Context<'_>, consequence: &str) {
         for (name, entry) in &self.by_name {
             if !entry.used.get() {

@@ -1,4 +1,4 @@
-//! Shapes of `[[shapes]]` that are closed bodies, constructive solid geometry, or procedures.
+//! Shapes of `[[shapes]]` that are closed bodies, constructive solid geometry, or procedural.
 
 use super::names::Names;
 use super::shapes::{read_point, read_radius};
@@ -8,7 +8,7 @@ use crate::scene_file::reader::{Expected, NUMBER, POSITIVE, Table, Value};
 use crate::shapes::{Csg, CsgOperation, HeightGrid, ShapeError, Solid, SphereFlake, TerrainNoise};
 use glam::DVec3;
 
-/// Closed bodies, alone or as operands.
+/// Kinds of closed bodies, which stand alone or are operands.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Body {
     Sphere,
@@ -41,13 +41,13 @@ const OPERATIONS: &[(&str, CsgOperation)] = &[
     ("difference", CsgOperation::Difference),
 ];
 
-/// Operands within operands; more is a mistake, and each takes stack.
+/// Deepest nesting of operands; each level takes stack, and deeper nesting is a mistake.
 const MOST_LEVELS: u32 = 32;
 
 const FEATURES: Expected =
     Expected { what: "a number from 0.01 to 1000", example: "4.0", holds: |x| (0.01..=1000.0).contains(&x) };
 
-/// What `made` is, or the reason why it is nothing.
+/// The value of `made`; records the reason where it is an error.
 fn checked<T>(table: &Table<'_>, made: Result<T, ShapeError>) -> Option<T> {
     let remedy = "check its radii, lengths and points";
     made.map_err(|error| table.refuse::<T>(format!("{}: {error}", table.title()), remedy)).ok()
@@ -68,7 +68,7 @@ fn read_length(table: &mut Table<'_>, key: &'static str) -> Option<f64> {
     table.required(key, "0.5", |value| value.number(&POSITIVE))
 }
 
-/// A closed body.
+/// Reads a closed body.
 pub(super) fn read_body(table: &mut Table<'_>, body: Body) -> Option<Solid> {
     let solid = match body {
         Body::Sphere => {
@@ -123,13 +123,13 @@ pub(super) fn read_body(table: &mut Table<'_>, body: Body) -> Option<Solid> {
     checked(table, solid)
 }
 
-/// A body by itself.
+/// Reads a body that is a shape by itself.
 pub(super) fn read_solid(table: &mut Table<'_>, body: Body) -> Option<GeometryDescription> {
     let object = Csg::of(read_body(table, body)?);
     Some(GeometryDescription::Csg { object, materials: vec![None] })
 }
 
-/// `operation` and `operands` of a `csg`.
+/// Reads `operation` and `operands` of a `csg`.
 pub(super) fn read_csg(table: &mut Table<'_>, materials: &Names) -> Option<GeometryDescription> {
     let (object, materials) = read_operation(table, materials, 0)?;
     Some(GeometryDescription::Csg { object, materials })
@@ -244,7 +244,7 @@ mod tests {
         build_scene(&description, &Arc::new(Device::new(1).unwrap()), (4, 4)).unwrap()
     }
 
-    /// Distance in metres and name of the material along a ray given in metres.
+    /// Hit of a ray given in metres: the distance in metres, the name of the material, and the normal.
     fn look(built: &BuiltScene, origin: Vec3, direction: Vec3) -> Option<(f64, String, Vec3)> {
         let space = built.scene.space();
         let origin = space.position(origin.as_dvec3()).as_vec3();
@@ -279,7 +279,7 @@ mod tests {
             let (distance, material, normal) = from(0.0, 0.0);
             assert!((distance - f64::from(10.0 - 0.75 * scale)).abs() < 1e-5 && material == "black");
             assert!(normal.y > 0.999, "the normal of a pip points out of it: {normal}");
-            // A corner is cut off by the ball, which is of glass here.
+            // The sphere, which is glass here, cuts off a corner.
             let direction = Vec3::new(-1.0, -1.0, -1.0);
             let (_, material, normal) = look(&built, -5.0 * direction, direction).unwrap();
             assert!(material == "glass" && normal.dot(-direction.normalize()) > 0.999);

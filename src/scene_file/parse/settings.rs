@@ -1,9 +1,9 @@
-//! `[render]`: the settings of the table in [`crate::settings`], under their names there.
+//! `[render]`: the settings of the table in [`crate::settings`], under the same names.
 
 use crate::scene_file::reader::{Table, Value};
 use crate::settings::{Asked, Kind, Overrides, Parameter, SETTINGS, Setting};
 
-/// An example of a length.
+/// Example of a length for messages.
 const LENGTH: &str = "0.01";
 
 /// Reads all settings. Lengths are in units of `unit` metres.
@@ -21,7 +21,7 @@ pub(super) fn read_render(mut table: Table<'_>, unit: f64) -> Option<Overrides> 
     is_right.then_some(asked)
 }
 
-/// What is asked for; `None` is an error, `Some(None)` absence.
+/// Reads one setting. `None` is an error, `Some(None)` means absent.
 fn read_setting(table: &mut Table<'_>, setting: &Setting, unit: f64) -> Option<Option<Asked>> {
     let read = |value: Value<'_>| {
         if setting.not_in_scene_files.is_empty() {
@@ -38,7 +38,7 @@ fn read_setting(table: &mut Table<'_>, setting: &Setting, unit: f64) -> Option<O
             let choice = table.optional(setting.name, read)?;
             read_parameter(table, setting.name, choice, &parameter)
         }
-        // It is not among the keys that are suggested for others.
+        // Absent, and not among the keys that are suggested for misspelt ones.
         _ if !setting.not_in_scene_files.is_empty() && table.peek(setting.name).is_none() => Some(None),
         _ => table.optional(setting.name, read),
     }
@@ -63,7 +63,7 @@ fn read_value(value: Value<'_>, kind: &Kind, unit: f64) -> Option<Asked> {
     }
 }
 
-/// The number that belongs to one choice alone, and by itself means that one.
+/// Reads the number that belongs to one choice of a setting; given alone, it implies that choice.
 fn read_parameter(
     table: &mut Table<'_>,
     setting: &str,

@@ -15,16 +15,16 @@ use crate::scene_file::{Choice, is_gltf_file, is_mesh_file};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
 
-/// Sine of the angle between two edges below which a quad counts as a line.
+/// Sine of the angle between two edges of a quad below which it counts as a line.
 const FLAT: f64 = 1e-12;
 
-/// What `[[shapes]]` says.
+/// Contents of `[[shapes]]`.
 #[derive(Debug)]
 pub(super) struct Shapes {
     pub(super) shapes: Vec<Named<ShapeDescription>>,
     pub(super) groups: Vec<Named<()>>,
     pub(super) group_names: Names,
-    /// Whether some shape emits and has no material; it then has the one after the last of the file.
+    /// Whether some emitting shape has no material; it then gets one after the last material of the file.
     pub(super) uses_implied_material: bool,
 }
 
@@ -80,7 +80,7 @@ pub(super) fn read_shapes(tables: Vec<Table<'_>>, materials: &Names, unit: f64) 
     result
 }
 
-/// Index of a group, which the first shape in it defines.
+/// Index of a group; the first shape in a group defines it.
 fn read_group(value: Value<'_>, result: &mut Shapes) -> Option<usize> {
     let name = value.string()?;
     let index = result.group_names.add(&name, value.span());
@@ -121,7 +121,7 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         );
     }
     let emission = table.optional("emission", read_emission);
-    // An emitter need not reflect anything, so only it may do without a material.
+    // An emitter need not reflect light, so only an emitter may omit its material.
     let material = match (table.get("material"), &emission) {
         (Some(value), _) => materials.find(value),
         (None, Some(None)) => table.required("material", "\"NAME\"", |_| None),
@@ -145,7 +145,7 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
     table.finish();
     Some(ShapeDescription {
         geometry: geometry?,
-        // The unit comes last and as a factor of its own: coordinates keep the numbers of the file.
+        // The unit is applied last and as a separate factor, so coordinates keep the numbers of the file.
         transform: DAffine3::from_scale(DVec3::splat(unit)) * transform?,
         flip_normal: flip_normal?,
         material: material?,
@@ -156,7 +156,7 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
     })
 }
 
-/// `true`, `false`, a kernel, or a table of details.
+/// Reads `true`, `false`, a kernel, or a table of options.
 fn read_illumination(value: Value<'_>) -> Option<Option<IlluminationDescription>> {
     const KERNELS: &[(&str, IlluminationKernel)] =
         &[("box", IlluminationKernel::Box), ("tent", IlluminationKernel::Tent)];
@@ -269,7 +269,7 @@ fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
     Some(GeometryDescription::Mesh { positions: positions?, triangles: faces?, normals: normals? })
 }
 
-/// Path of a mesh file, which must exist and be of a kind that can be read.
+/// Path of a mesh file, which must exist and be of a supported kind.
 fn read_mesh_path(value: Value<'_>) -> Option<PathBuf> {
     let path = value.path()?;
     let shown = path.display();
@@ -340,8 +340,8 @@ fn read_vertices(value: Value<'_>) -> Option<Vec<DVec3>> {
     vertices.map(|vertex| vertex.vector(&NUMBER)).collect()
 }
 
-/// Faces as triangles. Without `positions` (they have errors of their own) only the form is checked. What a
-/// mesh file may contain by accident, nobody writes by hand on purpose: here it is refused.
+/// Faces as triangles. Without `positions` (they have errors of their own) only the form is checked. Faulty faces that a mesh
+/// file may contain by accident are refused here, because nobody writes them by hand on purpose.
 fn read_faces(value: Value<'_>, positions: Option<&[DVec3]>) -> Option<Vec<[u32; 3]>> {
     const EXAMPLE: &str = "[[0, 1, 2], [0, 2, 3]]";
     let faces = value.list("a list of faces", EXAMPLE)?;
@@ -397,7 +397,7 @@ pub(super) fn read_instances(
             continue;
         };
         for (number, offset) in offsets.iter().enumerate() {
-            // The name of the first is that of the table.
+            // The first copy has the name of the table.
             let name = if number == 0 { name.clone() } else { format!("{name} #{}", number + 1) };
             let transform = in_metres(DAffine3::from_translation(*offset) * transform, unit);
             let value = InstanceDescription { group, transform };
@@ -407,10 +407,10 @@ pub(super) fn read_instances(
     instances
 }
 
-/// Copies that one `[[instances]]` may stand for.
+/// Most copies in one `[[instances]]`.
 const MOST_COPIES: u64 = 1_000_000;
 
-/// Where the copies of an instance stand relative to the first, x fastest; lengths in the file's unit.
+/// Offsets of the copies of an instance from the first copy, x fastest; lengths in the file's unit.
 fn read_repeat(value: Value<'_>) -> Option<Vec<DVec3>> {
     const EXAMPLE: &str = "write for example `repeat = { count = [4, 1, 3], step = [1.0, 0.0, 2.0] }`";
     let mut table = value.table("`repeat`", EXAMPLE)?;

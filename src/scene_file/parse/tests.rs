@@ -1,3 +1,5 @@
+//! Tests of the scene file parser.
+
 use super::*;
 use crate::math::Rgb;
 use crate::scene_file::diagnostic::Diagnostic;
@@ -9,7 +11,7 @@ use std::path::PathBuf;
 
 const FILE: &str = "scenes/s.toml";
 
-/// What a fragment needs to be a scene.
+/// The part that turns a fragment into a complete scene.
 const WHITE: &str = "\n[materials.white]\ntype = \"lambert\"\nreflectance = 0.8\n";
 const BALL: &str = "\n[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"white\"\n";
 
@@ -132,7 +134,7 @@ type = "environment"
 radiance = 0.5
 "#;
 
-/// A scene with one material and this text after it.
+/// A scene with one material, followed by this text.
 fn with_white(rest: &str) -> String {
     format!("[materials.w]\ntype = \"lambert\"\nreflectance = 0.5\n{rest}")
 }
@@ -218,7 +220,7 @@ fn a_file_that_says_everything() {
     assert_eq!(scene.shapes[1].name, "shape 2");
     assert_eq!((scene.shapes[1].value.group, scene.shapes[1].value.material), (Some(0), 4));
     assert!(scene.shapes[2].value.flip_normal);
-    // Scaled by 2, x turned to -z, moved, all in millimetres.
+    // Scaled by 2, x rotated to -z, translated, all in millimetres.
     let ball = scene.shapes[0].value.transform;
     assert_eq!(ball.transform_vector3(DVec3::X), DVec3::new(0.0, 0.0, -0.002));
     assert_eq!(ball.translation, DVec3::new(0.001, 0.002, 0.003));
@@ -308,7 +310,7 @@ fn glossy_materials() {
     }
 }
 
-/// Each wrong text, where the error is, and what the message says.
+/// For each wrong text: the place of the error, and words of the message.
 #[test]
 fn every_error_has_a_place_and_a_remedy() {
     let scene = |text: &str| format!("{text}{WHITE}{BALL}");
@@ -638,7 +640,7 @@ fn deep_nesting_is_refused() {
     }
 }
 
-/// Texts of a megabyte that would take hours where anything is done once for each error and each name or line.
+/// Texts of a megabyte that would take hours if any step were repeated for each error, name or line.
 #[test]
 fn hostile_texts_take_no_time() {
     let many = |piece: &dyn Fn(usize) -> String, count: usize| (0..count).map(piece).collect::<String>();
@@ -664,7 +666,7 @@ fn hostile_texts_take_no_time() {
         let start = std::time::Instant::now();
         let message = parse(text).unwrap_err().to_string();
         assert!(message.len() < 100_000, "{}", message.len());
-        // Without optimisation, on a busy machine.
+        // The limit holds for an unoptimized build on a busy machine.
         assert!(start.elapsed().as_secs() < 20, "{:?} for {}", start.elapsed(), &text[..60]);
     }
 }
@@ -680,7 +682,7 @@ fn groups_that_nobody_places_are_warned_about() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// A good file with pieces changed is read or refused, and nothing else happens.
+    /// A valid file with random changes is either read or refused, and nothing else happens.
     #[test]
     fn damaged_text_never_panics(
         edits in prop::collection::vec((any::<prop::sample::Index>(), 0usize..12, "[ -~\\n]{0,3}"), 1..6),
@@ -698,7 +700,7 @@ proptest! {
     }
 }
 
-/// The blocks of TOML in a page of documentation, with the lines they begin at.
+/// The TOML blocks of a documentation page, with their first lines.
 fn toml_blocks(page: &str) -> Vec<(usize, String)> {
     let mut blocks = Vec::new();
     let mut block: Option<(usize, String)> = None;
@@ -750,7 +752,7 @@ fn the_shipped_mesh_is_sound() {
         crate::scene_file::ply::read_ply(&checkout().join("scenes/meshes/knot.ply")).unwrap();
     assert_eq!(report, Default::default());
     assert_eq!(mesh.triangles.len(), 6144);
-    // Its normals are those of the tube, and near those of the faces.
+    // The normals are those of the tube, and close to those of the faces.
     for (given, smooth) in mesh.normals.as_ref().unwrap().iter().zip(mesh.smooth_normals()) {
         assert!(given.dot(smooth) > 0.98, "{given} {smooth}");
     }
@@ -760,7 +762,7 @@ fn the_shipped_mesh_is_sound() {
     }
 }
 
-/// The scenes with reference pictures are the geometry that the pictures were made from, to the bit.
+/// The scenes with reference pictures have exactly the geometry that the pictures were made from, to the bit.
 #[test]
 fn reference_scenes_have_the_vertices_of_their_meshes() {
     let reference = checkout().ancestors().map(|folder| folder.join("shared/reference")).find(|f| f.is_dir());

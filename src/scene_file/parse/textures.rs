@@ -1,4 +1,4 @@
-//! `[textures.NAME]`, and how materials refer to them.
+//! `[textures.NAME]`, and the references to textures in materials.
 
 use super::names::Names;
 use super::transform::{in_metres, transform_of};
@@ -22,11 +22,11 @@ const KINDS: &[(&str, Kind)] = &[
     ("wood", Kind::Wood),
 ];
 
-/// Exponents of marble; beyond, veins are thinner than any detail.
+/// Range of the exponent of marble; beyond it, veins are thinner than the finest detail.
 const SHARPNESS: Expected =
     Expected { what: "a number above 0 and at most 64", example: "1.0", holds: |x| x > 0.0 && x <= 64.0 };
 
-/// Finest detail over size where the file does not say.
+/// Default ratio of the finest detail to the size.
 const FINEST: f64 = 1.0 / 32.0;
 
 /// Textures by name.
@@ -80,7 +80,7 @@ fn read_texture(mut table: Table<'_>, unit: f64) -> Option<SolidTexture> {
     };
     let transform = transform_of(&mut table);
     table.finish();
-    // Lengths of the texture are those of the file.
+    // The texture's lengths are in the file's unit.
     let to_texture =
         (in_metres(transform?, unit) * glam::DAffine3::from_scale(glam::DVec3::splat(unit))).inverse();
     Some(SolidTexture { pattern: pattern?, low: low?, high: high?, to_texture })
@@ -90,7 +90,7 @@ fn read_colour(value: Value<'_>) -> Option<Rgb> {
     value.colour(&FRACTION).map(|colour| colour.as_vec3())
 }
 
-/// `texture = "NAME"` and `bump = { texture = "NAME", height = 0.01 }` of a material.
+/// Reads `texture = "NAME"` and `bump = { texture = "NAME", height = 0.01 }` of a material.
 pub(super) fn read_look(table: &mut Table<'_>, textures: &Names, unit: f64) -> MaterialLook {
     let colour = table.get("texture").and_then(|value| textures.find(value));
     let bump = table.get("bump").and_then(|value| {

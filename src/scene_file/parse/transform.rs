@@ -4,16 +4,16 @@ use crate::math::unit_f64;
 use crate::scene_file::reader::{Expected, NUMBER, Table, Value};
 use glam::{DAffine3, DMat3, DVec3};
 
-/// Volume of the image of the unit cube over the product of its edges, below which a transform counts as flat.
+/// Ratio of the volume of the transformed unit cube to the product of its edges, below which a transform counts as flat.
 const FLAT: f64 = 1e-12;
 
-/// How far edges and angles of a similarity may be off, relatively: room for rounding in a long list of steps.
+/// Largest relative deviation of edges and angles of a similarity: the margin for rounding in a long list of steps.
 const SIMILAR: f64 = 1e-9;
 
 const EXAMPLE: &str = "write for example `transform = [{ rotate = 30.0, axis = \"y\" }, \
                        { translate = [0.0, 1.0, 0.0] }]`";
 
-/// A list of steps; the first listed is the first applied. Lengths stay in the file's unit.
+/// Reads a list of steps, which are applied in the order of the list. Lengths stay in the file's unit.
 pub(super) fn read_transform(value: Value<'_>) -> Option<DAffine3> {
     if value.is_table() {
         return value.refuse("a list of steps", EXAMPLE);
@@ -40,7 +40,7 @@ fn is_invertible(transform: &DAffine3) -> bool {
     if !transform.is_finite() || lengths.contains(&0.0) {
         return false;
     }
-    // Columns first brought near length 1: neither 1e-200 nor 1e200 is flat.
+    // The columns are first scaled to about length 1, so that neither 1e-200 nor 1e200 counts as flat.
     let [x, y, z] = lengths;
     let scaled = DMat3::from_cols(matrix.x_axis / x, matrix.y_axis / y, matrix.z_axis / z);
     scaled.determinant().abs() > FLAT
@@ -50,7 +50,7 @@ fn largest(v: DVec3) -> f64 {
     v.abs().max_element()
 }
 
-/// Whether a transform keeps shapes: rotations, reflections, translations and equal scales.
+/// Whether a transform is a similarity: rotations, reflections, translations and uniform scales.
 pub(super) fn is_similarity(transform: &DAffine3) -> bool {
     let columns = transform.matrix3;
     let scale = largest(columns.x_axis).max(largest(columns.y_axis)).max(largest(columns.z_axis));
@@ -97,8 +97,8 @@ fn read_axis(value: Value<'_>) -> Option<DVec3> {
     }
 }
 
-/// Rotation by `degrees` about the unit vector `axis`, counter-clockwise as seen from its tip. Quarter turns are
-/// exact: sine and cosine of 90 degrees are 1 and 0, which they are not in radians.
+/// Rotation by `degrees` about the unit vector `axis`, counter-clockwise as seen from its tip. Quarter turns are exact: sine and
+/// cosine of 90 degrees are 1 and 0, which they are not when computed in radians.
 fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
     let degrees = degrees.rem_euclid(360.0);
     let quarter = (degrees / 90.0).round();
@@ -109,12 +109,12 @@ fn rotation(axis: DVec3, degrees: f64) -> DMat3 {
         2 => (-sine, -cosine),
         _ => (-cosine, sine),
     };
-    // Rodrigues, column by column.
+    // Rodrigues' formula, column by column.
     let column = |v: DVec3| v * cosine + axis.cross(v) * sine + axis * (axis.dot(v) * (1.0 - cosine));
     DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
 }
 
-/// Three or four rows of four numbers, for column vectors; a fourth row must be 0 0 0 1.
+/// Reads three or four rows of four numbers, for column vectors; a fourth row must be 0 0 0 1.
 fn read_matrix(value: Value<'_>) -> Option<DAffine3> {
     const WHAT: &str = "three rows of four numbers (and perhaps a fourth, 0 0 0 1)";
     const EXAMPLE: &str = "[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]";
@@ -133,12 +133,12 @@ fn read_matrix(value: Value<'_>) -> Option<DAffine3> {
     Some(DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) })
 }
 
-/// `transform` for coordinates in units of `unit` metres, where both sides are in that unit: only lengths change.
+/// Converts a `transform` of coordinates in units of `unit` metres to metres: only lengths change.
 pub(super) fn in_metres(transform: DAffine3, unit: f64) -> DAffine3 {
     DAffine3 { translation: transform.translation * unit, ..transform }
 }
 
-/// The transform of a shape or a placement; the identity where the table has none.
+/// The transform of a shape or an instance; the identity where the table has none.
 pub(super) fn transform_of(table: &mut Table<'_>) -> Option<DAffine3> {
     table.or("transform", DAffine3::IDENTITY, read_transform)
 }

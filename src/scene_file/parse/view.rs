@@ -8,10 +8,10 @@ use glam::DVec3;
 /// Most pixels along one side of a picture.
 const MAX_SIDE: u64 = 65_536;
 
-/// Most pixels of a picture: at about 60 bytes each of all layers together 16 GB.
+/// Most pixels of a picture: 16 GB, at about 60 bytes for all layers of a pixel.
 const MAX_PIXELS: u64 = 1 << 28;
 
-/// Sine of the smallest angle between the view and `up` that still says which way is up.
+/// Sine of the smallest angle between the view and `up` that still defines which way is up.
 const SMALLEST_UP_ANGLE: f64 = 1e-9;
 
 const FIELD_OF_VIEW: Expected =
@@ -59,7 +59,7 @@ pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescr
     Some(CameraDescription { location, eye, at, up, fov: fov?, fov_axis: fov_axis?, lens, mirrored: false })
 }
 
-/// The lens, by its radius or by f-number and focal length; what is sharp is where `at` is unless it is said otherwise.
+/// Reads the lens, from its radius or from f-number and focal length. The focal plane is at `at` unless the file says otherwise.
 fn read_lens(
     table: &mut Table<'_>,
     view: Option<(DVec3, DVec3)>,
@@ -95,7 +95,7 @@ fn read_lens(
     }
 }
 
-/// The film of a scene file that says nothing about it.
+/// The film of a scene file without `[film]`.
 pub(super) fn default_film() -> FilmDescription {
     FilmDescription {
         width: 512,
@@ -134,7 +134,7 @@ enum FilterKind {
     Mitchell,
 }
 
-/// A name, or a table of `type`, `radius` and (Gaussian) `sigma`.
+/// Reads a name, or a table of `type`, `radius` and (Gaussian) `sigma`.
 fn read_filter(value: Value<'_>) -> Option<FilterDescription> {
     let kinds = [
         ("box", FilterKind::Box),

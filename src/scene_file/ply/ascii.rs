@@ -1,4 +1,4 @@
-//! Bodies of ascii files: one record a line, blank lines skipped.
+//! Bodies of ascii files: one record on each line; blank lines are skipped.
 
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
@@ -8,10 +8,10 @@ use super::layout::{Contents, FaceLook, Role, Roles, Vertices, Wedges, checked_c
 /// Longest token that a message repeats, in bytes.
 const SHOWN: usize = 40;
 
-/// Largest integer up to which `f64` has them all.
+/// Largest integer up to which every integer has an exact `f64`.
 const EXACT: f64 = 9_007_199_254_740_992.0;
 
-/// Reads all elements; yields the number of bytes after them, blanks at the end left out.
+/// Reads all elements. Yields the number of bytes after them, without blanks at the end.
 pub(super) fn read_body(
     bytes: &[u8],
     header: &Header,
@@ -66,14 +66,14 @@ pub(super) fn read_body(
     Ok(bytes[lines.at..].trim_ascii().len() as u64)
 }
 
-/// Bytes that `count` records take at least: a digit and a blank for each number.
+/// Least number of bytes of `count` records: a digit and a blank for each number.
 fn shortest(element: &Element, count: u64) -> u128 {
     u128::from(count) * element.properties.len() as u128 * 2
 }
 
-/// Refuses a number of records that cannot be in the rest of the file, before anything is made of it.
+/// Refuses a number of records that exceeds the rest of the file, before memory is allocated.
 fn check_length(element: &Element, lines: &Lines<'_>) -> Result<(), Failure> {
-    // The last line may lack its end.
+    // The last line may lack its line end.
     let remaining = (lines.bytes.len() - lines.at) as u128 + 1;
     let missing = shortest(element, element.count).saturating_sub(remaining);
     if missing == 0 {
@@ -95,13 +95,13 @@ fn truncated(element: &Element, missing: u128) -> PlyProblem {
 struct Lines<'a> {
     bytes: &'a [u8],
     at: usize,
-    /// Number of the line that was last read, from 1.
+    /// Number of the last line that was read, from 1.
     line: usize,
     line_end: LineEnd,
 }
 
 impl<'a> Lines<'a> {
-    /// The next line that is not blank.
+    /// The next non-blank line.
     fn next(&mut self) -> Option<&'a [u8]> {
         while self.at < self.bytes.len() {
             let rest = &self.bytes[self.at..];
@@ -120,9 +120,9 @@ impl<'a> Lines<'a> {
 /// The numbers of one line.
 #[derive(Default)]
 struct Record {
-    /// All of them, lengths of lists included.
+    /// All numbers, including the lengths of lists.
     numbers: Vec<f64>,
-    /// For each property, where its number or the length of its list is among them.
+    /// For each property the index of its number, or of the length of its list.
     starts: Vec<usize>,
 }
 
@@ -155,7 +155,7 @@ impl Record {
                         return Err(PlyProblem::NegativeLength(length as i64));
                     }
                     self.numbers.push(length);
-                    // Stops at the end of the line, however long the list claims to be.
+                    // Stops at the end of the line, whatever length the list declares.
                     for _ in 0..length as u64 {
                         self.numbers.push(number(item, expected + length as u64)?);
                     }
@@ -190,11 +190,11 @@ fn read_records(
     Ok(())
 }
 
-/// A number as its type rounds it. What C libraries print for NaN and infinity is understood.
+/// A number, rounded to its type. The forms of NaN and infinity that C libraries print are accepted.
 fn parse_number(token: &[u8], scalar: ScalarType) -> Result<f64, PlyProblem> {
     let text = std::str::from_utf8(token).unwrap_or("");
     let number = match scalar {
-        // Parsed as `f32`: by way of `f64` it would be rounded twice.
+        // Parsed directly as `f32`: a conversion by way of `f64` would round twice.
         ScalarType::F32 => text.parse::<f32>().ok().map(f64::from),
         _ => text.parse::<f64>().ok(),
     };

@@ -1,7 +1,7 @@
 //! Bodies of binary files.
 //!
-//! Vertices almost always have records of one length, and so do faces where all are triangles: then records are
-//! read in parallel, each at its own place. Everything else is walked record by record.
+//! Vertices almost always have records of one length, and so do faces where all are triangles. Such records are read in parallel,
+//! each at its own offset. All others are read one after the other.
 
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
@@ -14,7 +14,7 @@ use crate::scene_file::polygon::push_fan;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// Reads all elements; yields the number of bytes after them.
+/// Reads all elements. Yields the number of bytes after them.
 pub(super) fn read_body(
     bytes: &[u8],
     header: &Header,
@@ -44,7 +44,7 @@ fn first<const N: usize>(bytes: &[u8]) -> [u8; N] {
     array
 }
 
-/// The number at the start of `bytes`; every type is exact in `f64`.
+/// The number at the start of `bytes`; all types convert exactly to `f64`.
 fn read_number(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> f64 {
     match (scalar, order) {
         (ScalarType::F32, ByteOrder::Little) => f64::from(f32::from_le_bytes(first(bytes))),
@@ -55,7 +55,7 @@ fn read_number(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> f64 {
     }
 }
 
-/// The integer at the start of `bytes`; 0 for types that are not integers, which headers do not allow there.
+/// The integer at the start of `bytes`; 0 for other types, which headers do not allow there.
 pub(super) fn read_integer(bytes: &[u8], scalar: ScalarType, order: ByteOrder) -> i64 {
     match (scalar, order) {
         (ScalarType::U8, _) => i64::from(bytes[0]),
@@ -83,7 +83,7 @@ struct Records<'a> {
     order: ByteOrder,
 }
 
-/// A face element whose records all have the length of the first.
+/// A face element whose records all have the length of the first record.
 #[derive(Clone, Copy)]
 pub(super) struct FixedFaces {
     /// Bytes before the list, and of a whole record.
@@ -95,7 +95,7 @@ pub(super) struct FixedFaces {
 }
 
 impl FixedFaces {
-    /// The layout of the faces if all of them are like the first, with which `bytes` begin.
+    /// The layout of the faces if all of them are like the first face, which is at the start of `bytes`.
     pub(super) fn of(element: &Element, list: usize, bytes: &[u8], order: ByteOrder) -> Option<Self> {
         let mut before = 0;
         let mut after = 0;
@@ -109,7 +109,7 @@ impl FixedFaces {
         }
         let PropertyType::List(count, item) = element.properties.get(list)?.kind else { return None };
         let head = bytes.get(before..before + count.size())?;
-        // Few corners, so that the records cannot be longer than the file by much; others are walked.
+        // Only few corners, so that the records cannot be much longer than the file; other faces are read one by one.
         let corners = usize::try_from(read_integer(head, count, order)).ok()?;
         if !(3..=255).contains(&corners) {
             return None;
@@ -118,8 +118,8 @@ impl FixedFaces {
         Some(Self { before, stride, corners, count, item })
     }
 
-    /// Offset of the list in a record, where it is a byte and three little-endian integers of 32 bits. (Of signed ones,
-    /// negative numbers are then beyond any count of vertices.)
+    /// Offset of the list in a record, where it consists of a byte and three little-endian integers of 32 bits. (Negative signed
+    /// integers then exceed any number of vertices.)
     pub(super) fn plain_triangles(&self, order: ByteOrder) -> Option<usize> {
         let is_plain = self.corners == 3
             && order == ByteOrder::Little
@@ -157,7 +157,7 @@ impl FixedVertices {
         read_number(&record[offset..], scalar, self.order)
     }
 
-    /// Offset of three columns, where they are little-endian floats one after the other.
+    /// Offset of three columns, where they are adjacent little-endian floats.
     pub(super) fn three_floats(&self, columns: [usize; 3]) -> Option<usize> {
         let [x, y, z] = columns.map(|column| self.properties[column]);
         let is_float = [x, y, z].iter().all(|(scalar, _)| *scalar == ScalarType::F32);
@@ -176,7 +176,7 @@ impl<'a> Records<'a> {
         Err((PlyPlace::RecordByte { element, index, byte: byte as u64 }, problem))
     }
 
-    /// Refuses a number of records that cannot be in the rest of the file, before anything is made of it.
+    /// Refuses a number of records that exceeds the rest of the file, before memory is allocated.
     fn check_length(&self) -> Result<(), Failure> {
         let shortest = self.element.shortest_record() as u64;
         let remaining = self.remaining(self.start);
@@ -195,14 +195,14 @@ impl<'a> Records<'a> {
         self.fail(index, self.start + (index * shortest) as usize, problem)
     }
 
-    /// The bytes of all records, where each takes `stride` of them and the file has them all.
+    /// The bytes of all records, where each has `stride` bytes and the file contains them all.
     fn fixed(&self, stride: usize) -> Option<&'a [u8]> {
         let length = usize::try_from(self.element.count).ok()?.checked_mul(stride)?;
         self.bytes.get(self.start..self.start.checked_add(length)?)
     }
 
-    /// Goes through the records one by one. `visit` gets the number of a record, its first byte and, for each
-    /// property, where its data begins. Yields the offset after the last.
+    /// Visits the records one by one. `visit` gets the number of a record, its first byte and, for each property, the offset of
+    /// its data. Yields the offset after the last record.
     fn walk(
         &self,
         mut visit: impl FnMut(u64, usize, &[usize]) -> Result<(), Failure>,
@@ -210,7 +210,7 @@ impl<'a> Records<'a> {
         let properties = &self.element.properties;
         if !self.element.has_lists() {
             let stride = self.element.shortest_record();
-            // Its length has been checked; nothing in it is of interest unless it has lists.
+            // The length has been checked, and without lists nothing in it is needed.
             return Ok(self.start + self.fixed(stride).map_or(0, <[u8]>::len));
         }
         let mut at = self.start;
@@ -241,7 +241,7 @@ impl<'a> Records<'a> {
         Ok(at)
     }
 
-    /// The file ends `missing` bytes before the end of the current property of record `index`.
+    /// The error for a file that ends `missing` bytes before the end of the current property of record `index`.
     fn truncated(&self, index: u64, missing: u64) -> PlyProblem {
         let later = (self.element.count - index - 1).saturating_mul(self.element.shortest_record() as u64);
         PlyProblem::Truncated {
@@ -290,11 +290,11 @@ impl<'a> Records<'a> {
         Ok(self.start + bytes.len())
     }
 
-    /// The numbers of a list at the start of `data`, which `walk` has found in the file.
+    /// The numbers of a list at the start of `data`; `walk` has checked that they are in the file.
     fn items(&self, data: &'a [u8], list: usize) -> impl Iterator<Item = (&'a [u8], ScalarType)> {
         let (count, item) = match self.element.properties[list].kind {
             PropertyType::List(count, item) => (count, item),
-            // No list has no items.
+            // A scalar has no items.
             PropertyType::Scalar(scalar) => (scalar, scalar),
         };
         let is_list = matches!(self.element.properties[list].kind, PropertyType::List(..));
@@ -355,7 +355,7 @@ impl<'a> Records<'a> {
         })
     }
 
-    /// Reads faces that are expected to be alike; `None` where they turn out not to be, with nothing read.
+    /// Reads faces that are expected to have equal lengths; `None` where they do not, with nothing read.
     fn read_fixed_faces(
         &self,
         faces: FixedFaces,
@@ -373,7 +373,7 @@ impl<'a> Records<'a> {
             length(record) == corners as i64
                 && (0..corners).all(|number| (0..vertex_count as i64).contains(&corner(record, number)))
         };
-        // Record by record: if all before it have the expected length, the first odd one is where it seems.
+        // Where all records before it have the expected length, the first odd record is at its apparent place.
         if let Some(index) = bytes.par_chunks_exact(stride).position_first(|record| !is_sound(record)) {
             let record = &bytes[index * stride..(index + 1) * stride];
             if length(record) != corners as i64 {

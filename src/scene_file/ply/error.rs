@@ -1,4 +1,4 @@
-//! Why a PLY file was refused.
+//! Errors of the PLY reader.
 
 use crate::files::ForeignFile;
 use std::fmt;
@@ -81,7 +81,7 @@ pub enum PlyProblem {
     /// The system could not read it.
     #[error("cannot be read: {0}; check its name and permissions")]
     Io(std::io::Error),
-    /// Whoever wanted it stopped it.
+    /// The caller stopped the reading.
     #[error("was not read to its end as reading was stopped; start again")]
     Stopped,
     /// The first line is not `ply`.
@@ -93,13 +93,13 @@ pub enum PlyProblem {
     /// The header never ends.
     #[error("the header has no line `end_header`; the file is incomplete, write or copy it again")]
     NoEndOfHeader,
-    /// The header says no `format`.
+    /// The header has no `format`.
     #[error(
         "the header has no line `format` before `{0}`; the second line should be `format ascii 1.0`, \
              `format binary_little_endian 1.0` or `format binary_big_endian 1.0`"
     )]
     NoFormat(String),
-    /// A line of the header that does not follow the format.
+    /// A line of the header with wrong syntax.
     #[error("`{line}`: expected {expected}; mend the line or write the file again")]
     HeaderLine {
         /// The line.
@@ -107,7 +107,7 @@ pub enum PlyProblem {
         /// What it should have been.
         expected: &'static str,
     },
-    /// A name twice.
+    /// A duplicate name.
     #[error("the {kind} `{name}` is declared twice; rename one of the two")]
     Duplicate {
         /// "element" or "property".
@@ -120,7 +120,7 @@ pub enum PlyProblem {
     TooMany {
         /// "elements" or "properties".
         kind: &'static str,
-        /// The most that are read.
+        /// The largest number that is read.
         limit: usize,
     },
     /// More vertices than indices can name.
@@ -150,13 +150,13 @@ pub enum PlyProblem {
         declared: u64,
         /// Bytes that this element still needs.
         missing: u64,
-        /// Whether that is all it needs; otherwise the lengths of lists are not known.
+        /// Whether that is all it needs; otherwise the lengths of its lists are unknown.
         exact: bool,
     },
     /// A list of negative length.
     #[error("a list of length {0}; the file is damaged, write or copy it again")]
     NegativeLength(i64),
-    /// A corner that no vertex is at.
+    /// A corner with an index beyond the vertices.
     #[error("corner {index} is not one of the {vertices} vertices, counted from 0; write the mesh again")]
     IndexOutOfRange {
         /// The number.
@@ -164,7 +164,7 @@ pub enum PlyProblem {
         /// Number of vertices.
         vertices: u64,
     },
-    /// Text that is no number.
+    /// Text that is not a number.
     #[error("`{token}` is not {expected}; mend the line or write the file again")]
     BadNumber {
         /// The text.

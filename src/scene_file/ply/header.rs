@@ -1,4 +1,4 @@
-//! The header: encoding, elements and their properties.
+//! The header of a PLY file: encoding, elements and their properties.
 
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
@@ -6,12 +6,12 @@ use crate::files::{BYTE_ORDER_MARK, foreign_by_content};
 use crate::scene_file::mesh::Cloud;
 use std::path::Path;
 
-/// Most elements of a file, and most properties of an element: far beyond any mesh, so that a hostile header
-/// costs no time.
+/// Most elements of a file, and most properties of an element. They are far beyond any mesh, and keep a hostile header from
+/// costing time.
 const MAX_ELEMENTS: usize = 1000;
 const MAX_PROPERTIES: usize = 1000;
 
-/// Longest line of a header that a message repeats.
+/// Longest header line that a message repeats.
 const SHOWN: usize = 80;
 
 /// Byte order of a binary file.
@@ -21,7 +21,7 @@ pub(super) enum ByteOrder {
     Big,
 }
 
-/// How the body is written.
+/// Encoding of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
     Ascii,
@@ -76,11 +76,11 @@ impl ScalarType {
     }
 }
 
-/// One number or one list of numbers of each record.
+/// The content of a property: one number or one list of numbers in each record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PropertyType {
     Scalar(ScalarType),
-    /// Types of the length and of the items.
+    /// A list: the types of its length and of its items.
     List(ScalarType, ScalarType),
 }
 
@@ -101,7 +101,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// Bytes of the shortest record of a binary file: lists empty.
+    /// Bytes of the shortest record in a binary file, with empty lists.
     pub(super) fn shortest_record(&self) -> usize {
         let size = |property: &Property| match property.kind {
             PropertyType::Scalar(scalar) | PropertyType::List(scalar, _) => scalar.size(),
@@ -114,22 +114,22 @@ impl Element {
     }
 }
 
-/// Everything before the data.
+/// The content of the header.
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) encoding: Encoding,
     pub(super) elements: Vec<Element>,
-    /// Names of pictures, of comments `TextureFile`, in their order.
+    /// Names of pictures from `TextureFile` comments, in their order.
     pub(super) textures: Vec<String>,
     /// Offset of the first byte after the header.
     pub(super) length: usize,
     /// Number of lines of the header.
     pub(super) lines: usize,
-    /// What ends a line of this file.
+    /// Line ending of this file.
     pub(super) line_end: LineEnd,
 }
 
-/// What ends a line. Decided by the first line, since the data of a binary file may begin with any byte.
+/// Line ending. The first line decides, because the data of a binary file may begin with any byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LineEnd {
     /// A line feed, perhaps after a carriage return.
@@ -168,7 +168,7 @@ impl Header {
         }
         for number in 1.. {
             let rest = &bytes[at..];
-            // Without its line end, `end_header` may be the beginning of a truncated line.
+            // Without its line ending, `end_header` may be the beginning of a truncated line.
             let Some(length) = rest.iter().position(|&byte| byte == line_end.byte()) else {
                 let is_ply = number > 1 || rest.trim_ascii() == b"ply";
                 let problem = if is_ply { PlyProblem::NoEndOfHeader } else { PlyProblem::NotPly };
@@ -199,7 +199,7 @@ impl Header {
         Err((PlyPlace::File, PlyProblem::NoEndOfHeader))
     }
 
-    /// What a file without faces is.
+    /// Kind of a file without faces.
     pub(super) fn cloud(&self) -> Cloud {
         let has =
             |element: &Element, name: &str| element.properties.iter().any(|property| property.name == name);
@@ -216,7 +216,7 @@ impl Header {
     }
 }
 
-/// The name of a picture of a comment, as MeshLab and programs of photogrammetry write it; it may have blanks.
+/// The name of a picture in a comment, as MeshLab and photogrammetry programs write it; it may contain blanks.
 fn texture_of(line: &str) -> Option<String> {
     let text = line.trim().strip_prefix("comment")?.trim_start();
     let (keyword, name) = text.split_once(char::is_whitespace)?;
@@ -224,7 +224,7 @@ fn texture_of(line: &str) -> Option<String> {
     (keyword.eq_ignore_ascii_case("TextureFile") && !name.is_empty()).then(|| name.to_owned())
 }
 
-/// Takes in one line that declares something.
+/// Parses one line of a declaration.
 fn declare(
     words: &[&str],
     number: usize,

@@ -1,4 +1,4 @@
-//! What of a file's elements the mesh is made of, and the mesh while it is being read.
+//! The roles of a file's elements in the mesh, and the mesh while it is read.
 
 use super::Failure;
 use super::error::{PlyPlace, PlyProblem};
@@ -12,11 +12,11 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Names of the two texture coordinates, in the order in which they are looked for.
+/// Names of the two texture coordinates, in order of preference.
 const UV_NAMES: [[&str; 2]; 4] =
     [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
 
-/// Which properties of a vertex are what, by their numbers.
+/// Numbers of the properties of a vertex, by their role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct VertexColumns {
     pub(super) position: [usize; 3],
@@ -27,7 +27,7 @@ pub(super) struct VertexColumns {
     pub(super) colour: Option<ColourColumns>,
 }
 
-/// Red, green and blue of a vertex or a face.
+/// Properties for red, green and blue of a vertex or a face.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct ColourColumns {
     pub(super) columns: [usize; 3],
@@ -35,7 +35,7 @@ pub(super) struct ColourColumns {
 }
 
 impl ColourColumns {
-    /// Names of the three, in the order in which they are looked for.
+    /// Names of the three channels, in order of preference.
     const NAMES: [[&str; 3]; 3] =
         [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"], ["r", "g", "b"]];
 
@@ -47,7 +47,7 @@ impl ColourColumns {
         })
     }
 
-    /// A channel as it stands in the file. Bytes have no sign here, whatever the header says.
+    /// A channel as given in the file. Bytes are unsigned here, whatever the header declares.
     fn channel(&self, value: f64) -> f32 {
         let is_signed_byte = self.scalar == ScalarType::I8 && value < 0.0;
         (if is_signed_byte { value + 256.0 } else { value }) as f32
@@ -58,7 +58,7 @@ impl ColourColumns {
         self.columns.map(|column| self.channel(value(column)))
     }
 
-    /// What channels go up to.
+    /// Maximum of the channels.
     fn most(&self) -> f32 {
         match self.scalar {
             ScalarType::F32 | ScalarType::F64 => 1.0,
@@ -68,30 +68,30 @@ impl ColourColumns {
     }
 }
 
-/// Which properties of a face are what.
+/// Numbers of the properties of a face, by their role.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FaceColumns {
     pub(super) corners: usize,
     /// Two texture coordinates for each corner.
     pub(super) uvs: Option<usize>,
-    /// Which of the pictures of the file.
+    /// Index of the picture in the file's list.
     pub(super) texture: Option<usize>,
     pub(super) colour: Option<ColourColumns>,
 }
 
 impl FaceColumns {
-    /// Whether corners have data that is not of their vertices.
+    /// Whether corners have data besides their vertices.
     pub(super) fn has_look(&self) -> bool {
         self.uvs.is_some() || self.colour.is_some()
     }
 }
 
-/// What to do with an element.
+/// Role of an element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Vertices(VertexColumns),
     Faces(FaceColumns),
-    /// Number of the property that holds the vertices of strips, negative numbers between these.
+    /// Number of the property that holds the vertices of strips; negative numbers separate strips.
     Strips(usize),
     Skipped,
 }
@@ -105,12 +105,12 @@ pub(super) struct Roles {
 }
 
 impl Roles {
-    /// `looks` asks for colours, and for what faces have of their own.
+    /// Assigns the roles. `looks`: with colours and the data of faces.
     pub(super) fn of(header: &Header, looks: bool) -> Result<Self, Failure> {
         let fail = |element: &Element, problem| Err((PlyPlace::Line(element.line), problem));
         let mut roles = Vec::with_capacity(header.elements.len());
         for element in &header.elements {
-            // Without records it does not matter which properties they would have.
+            // Without records, the properties of an element do not matter.
             roles.push(match element.name.as_str() {
                 _ if element.count == 0 => Role::Skipped,
                 "vertex" if element.count > u64::from(u32::MAX) => {
@@ -140,7 +140,7 @@ impl Roles {
 }
 
 impl Roles {
-    /// What colours of the vertices, or of the faces, go up to.
+    /// Maximum of the colour channels of the vertices, or of the faces.
     pub(super) fn colour_range(&self, of_faces: bool) -> f32 {
         let of = |role: &Role| match role {
             Role::Vertices(columns) if !of_faces => columns.colour,
@@ -156,7 +156,7 @@ impl Roles {
     }
 }
 
-/// Number and type of the property of that name, if it is a number.
+/// Number and type of the scalar property with that name, if there is one.
 fn scalar(element: &Element, name: &str) -> Option<(usize, ScalarType)> {
     element.properties.iter().enumerate().find_map(|(column, property)| match property.kind {
         PropertyType::Scalar(scalar) if property.name == name => Some((column, scalar)),
@@ -203,13 +203,13 @@ fn corner_list(element: &Element) -> Option<usize> {
     element.properties.iter().position(is_corners)
 }
 
-/// The vertices of a file, as they stand in it.
+/// The vertices as given in the file.
 #[derive(Debug)]
 pub(super) struct Vertices {
     pub(super) positions: Positions,
     pub(super) normals: Option<Vec<Vec3>>,
     pub(super) uvs: Option<Vec<Vec2>>,
-    /// As they stand in the file.
+    /// As given in the file.
     pub(super) colours: Option<Vec<[f32; 3]>>,
 }
 
@@ -220,7 +220,7 @@ impl Default for Vertices {
 }
 
 impl Vertices {
-    /// Room for `count` vertices, a number that has been compared with the length of the file.
+    /// Allocates memory for `count` vertices; `count` has been checked against the length of the file.
     pub(super) fn with_capacity(columns: &VertexColumns, count: usize) -> Self {
         let positions = if columns.is_double {
             Positions::Double(Vec::with_capacity(count))
@@ -254,7 +254,7 @@ impl Vertices {
         }
     }
 
-    /// The vertices of corners that have data of their own: number `of[i]` for corner `i`.
+    /// The vertices for corners with their own data: vertex `of[i]` for corner `i`.
     pub(super) fn gathered(self, of: &[u32]) -> Self {
         fn of_all<T: Copy>(things: &[T], of: &[u32]) -> Vec<T> {
             of.iter().map(|&vertex| things[vertex as usize]).collect()
@@ -270,7 +270,7 @@ impl Vertices {
         }
     }
 
-    /// Normals to unit length, and zeros for what is of no use.
+    /// Normalizes normals, and replaces unusable ones by zero.
     pub(super) fn mend(&mut self, report: &mut MeshReport) {
         if let Some(normals) = &mut self.normals {
             let unusable = AtomicU64::new(0);
@@ -290,24 +290,24 @@ impl Vertices {
     }
 }
 
-/// What the corners of a face have of their own.
+/// The data of the corners of a face.
 #[derive(Debug, Default)]
 pub(super) struct FaceLook {
-    /// Two numbers for each corner; other counts stand for none.
+    /// Two numbers for each corner; any other count means no coordinates.
     pub(super) uvs: Vec<f32>,
     /// Number of the picture, from 0.
     pub(super) texture: i64,
     pub(super) colour: Option<[f32; 3]>,
 }
 
-/// Corners that are not vertices of the file alone: each pair of a vertex and what a face says of it.
+/// Vertices for corners with their own data: one for each pair of a vertex and face data.
 #[derive(Debug, Default)]
 pub(super) struct Wedges {
     numbers: HashMap<(u32, [u32; 2], [u32; 3]), u32, Keyed>,
-    /// Their vertices.
+    /// The vertex of the file for each of them.
     pub(super) of: Vec<u32>,
     pub(super) uvs: Vec<Vec2>,
-    /// Empty where faces have none.
+    /// Empty where faces have no colours.
     pub(super) colours: Vec<[f32; 3]>,
     /// By triangle.
     pub(super) textures: Vec<i64>,
@@ -333,23 +333,23 @@ impl Wedges {
     }
 }
 
-/// What has been read of a file.
+/// The content of a file.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
     pub(super) vertices: Vertices,
-    /// Of polygons as fans until all positions are known.
+    /// Polygons are fans until all positions are known.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Where these are, each of more than one triangle.
+    /// Ranges of the polygons with more than one triangle.
     pub(super) polygons: Vec<Run>,
-    /// In their place where all are alike: how many triangles each has, and where they end.
+    /// Replaces `polygons` where all polygons are alike: the number of triangles of each, and their end.
     pub(super) equal_polygons: Option<(usize, usize)>,
-    /// Where corners have data of their own.
+    /// Present where corners have their own data.
     pub(super) wedges: Option<Wedges>,
     pub(super) report: MeshReport,
 }
 
 impl Contents {
-    /// Adds a polygon with what its corners have of their own.
+    /// Adds a polygon with the data of its corners.
     pub(super) fn push_look(&mut self, corners: &[u32], look: &FaceLook) {
         let Some(wedges) = &mut self.wedges else { return self.push_face(corners) };
         let numbers: Vec<u32> =
@@ -363,7 +363,7 @@ impl Contents {
         }
     }
 
-    /// Adds the triangles of strips: each vertex makes one with the two before it, every other time the other way round.
+    /// Adds the triangles of strips: each vertex makes a triangle with the two vertices before it, with alternating winding.
     pub(super) fn push_strips(
         &mut self,
         strips: impl Iterator<Item = i64>,
@@ -379,7 +379,7 @@ impl Contents {
             let corner = checked_corner(index, vertex_count)?;
             if let [Some(a), Some(b)] = last {
                 let triangle = if is_odd { [b, a, corner] } else { [a, b, corner] };
-                // Repeated vertices only join strips.
+                // Repeated vertices only connect strips.
                 if a != b && b != corner && a != corner {
                     self.push_look(&triangle, &FaceLook::default());
                 }
@@ -403,7 +403,7 @@ impl Contents {
     }
 }
 
-/// `index` as a corner, if there is such a vertex.
+/// Converts `index` to a corner, if that vertex exists.
 pub(super) fn checked_corner(index: i64, vertex_count: u64) -> Result<u32, PlyProblem> {
     match u32::try_from(index) {
         Ok(corner) if u64::from(corner) < vertex_count => Ok(corner),

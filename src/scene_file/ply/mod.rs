@@ -1,13 +1,13 @@
-//! PLY meshes (Turk 1994): ascii and binary of both byte orders, any scalar types, extra properties and elements
+//! PLY meshes (Turk 1994): ascii, and binary of both byte orders, with any scalar types. Unknown properties and elements are
 //! skipped.
 //!
-//! Read are the element `vertex` (`x y z`; `nx ny nz`; `u v`, `s t`, `texture_u texture_v` or
-//! `texture_s texture_t`; `red green blue`), the list `vertex_indices` or `vertex_index` of the elements `face` and
-//! `tristrips`, of faces also `texcoord`, `texnumber` and `red green blue`, and comments `TextureFile`. Polygons become
-//! triangles as in [`super::polygon`]. Integers are taken as they are, but for colours.
+//! The reader takes the element `vertex` (`x y z`; `nx ny nz`; `u v`, `s t`, `texture_u texture_v` or `texture_s texture_t`; `red
+//! green blue`), the list `vertex_indices` or `vertex_index` of the elements `face` and `tristrips`, for faces also `texcoord`,
+//! `texnumber` and `red green blue`, and comments `TextureFile`. Polygons become triangles as in [`super::polygon`]. Integers are
+//! not scaled, except for colours.
 //!
-//! A file is never trusted: what it declares is compared with its length before memory is taken, and memory stays
-//! below [`MEMORY_FACTOR`] times that length. Nothing in a file makes the reader panic or hang.
+//! A file is never trusted: what it declares is checked against its length before memory is allocated, and memory stays below
+//! [`MEMORY_FACTOR`] times that length. No file makes the reader panic or hang.
 
 mod ascii;
 mod binary;
@@ -32,26 +32,25 @@ use layout::{Contents, FaceColumns, Role, Roles, Vertices};
 use std::io::Read;
 use std::path::Path;
 
-/// Bound on the memory that reading takes, in lengths of the file (which is itself held in memory, unless it is binary and its
-/// faces are alike). The worst
-/// case is polygons of indices of one byte, each of which becomes a triangle of twelve in a growing list.
+/// Bound on the memory for reading, in lengths of the file. The file itself is in memory, unless it is binary and its faces are
+/// alike. The worst case is polygons with one-byte indices, each of which becomes a triangle of twelve bytes in a growing list.
 pub const MEMORY_FACTOR: u64 = 40;
 
 /// Reads a PLY file.
 ///
-/// Faces with fewer than three corners, triangles without area and triangles with corners that are not finite are
-/// dropped and counted in the report. A file without vertices or faces is a mesh without triangles.
+/// Faces with fewer than three corners, triangles without area and triangles with corners that are not finite are dropped and
+/// counted in the report. A file without vertices or faces is a mesh without triangles.
 ///
 /// # Errors
-/// [`PlyError`] with the file, the line or byte, what is wrong and what to do.
+/// [`PlyError`] with the file, the line or byte, the problem, and what to do.
 pub fn read_ply(path: &Path) -> Result<(TriangleMesh, MeshReport), PlyError> {
     read_ply_with(path, &MeshReading::ALL)
 }
 
-/// [`read_ply`], with a choice of what is read.
+/// [`read_ply`] with options.
 ///
 /// # Errors
-/// As [`read_ply`], and where it was stopped.
+/// As [`read_ply`], and where the reading was stopped.
 pub fn read_ply_with(path: &Path, reading: &MeshReading<'_>) -> Result<(TriangleMesh, MeshReport), PlyError> {
     let model = read(path, reading, false)?;
     Ok((reading.without_unwanted(model.mesh), model.report))
@@ -65,10 +64,10 @@ pub fn read_ply_model(path: &Path, reading: &MeshReading<'_>) -> Result<PlyModel
     read(path, reading, true)
 }
 
-/// A mesh, and what its surface looks like.
+/// A mesh and the look of its surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlyModel {
-    /// The mesh; where faces have data of their own, each of its vertices stands for a pair of vertex and data.
+    /// The mesh. Where faces have their own data, each vertex stands for a pair of a vertex and face data.
     pub mesh: TriangleMesh,
     /// What was left out.
     pub report: MeshReport,
@@ -76,16 +75,16 @@ pub struct PlyModel {
     pub colours: Option<Vec<Vec3>>,
     /// Names of pictures, relative to the folder of the file.
     pub textures: Vec<String>,
-    /// Number of the picture of each triangle, where they show several.
+    /// Index of the picture of each triangle, where there are several pictures.
     pub triangle_textures: Option<Vec<i64>>,
-    /// Faces without texture coordinates of a file that has them by face.
+    /// Number of faces without texture coordinates, in a file that has them by face.
     pub unmapped_faces: u64,
 }
 
-/// What the header of a file says of its look: whether vertices or faces have colours, and the names of its pictures. Nothing where
-/// it cannot be read.
+/// The look that the header of a file declares: whether vertices or faces have colours, and the names of its pictures. Empty
+/// where the header cannot be read.
 pub fn declared_look(path: &Path) -> (bool, Vec<String>) {
-    /// As in `stream`.
+    /// The same as in `stream`.
     const HEAD: u64 = 1 << 16;
     let mut head = Vec::new();
     let read = open_regular(path).and_then(|(file, _)| file.take(HEAD).read_to_end(&mut head));
@@ -114,8 +113,8 @@ fn read(path: &Path, reading: &MeshReading<'_>, looks: bool) -> Result<PlyModel,
     }
 }
 
-/// Numbers of a file that begins with `head`, from its header. Only as many as its length has room for: a file that declares more
-/// will be refused.
+/// Size of the mesh from the header of a file that begins with `head`. Counts are limited by the file's length, because a file
+/// that declares more is refused.
 pub(super) fn declared_size(head: &[u8], length: u64) -> Option<MeshSize> {
     let header = Header::parse(head).ok()?;
     let roles = Roles::of(&header, false).ok()?;
@@ -140,7 +139,7 @@ pub(super) fn declared_size(head: &[u8], length: u64) -> Option<MeshSize> {
                 left -= count * least;
             }
             Role::Faces(FaceColumns { corners: list, .. }) | Role::Strips(list) => {
-                // What is beside the lengths of the lists is corners.
+                // All bytes besides the lengths of the lists are corners.
                 let corner = match (is_ascii, element.properties.get(list).map(|property| property.kind)) {
                     (false, Some(PropertyType::List(_, item))) => item.size() as u64,
                     _ => 2,
@@ -156,7 +155,7 @@ pub(super) fn declared_size(head: &[u8], length: u64) -> Option<MeshSize> {
     Some(size)
 }
 
-/// Parses the bytes of a PLY file; `path` is only for messages.
+/// Parses the bytes of a PLY file. Messages call it `path`.
 ///
 /// # Errors
 /// As [`read_ply`].
@@ -165,7 +164,7 @@ pub fn parse_ply(bytes: &[u8], path: &Path) -> Result<(TriangleMesh, MeshReport)
     Ok((model.mesh, model.report))
 }
 
-/// [`read_ply_model`] of a file's bytes; `path` is only for messages.
+/// [`read_ply_model`] for bytes in memory. Messages call the file `path`.
 ///
 /// # Errors
 /// As [`read_ply`].
@@ -173,7 +172,7 @@ pub fn parse_ply_model(bytes: &[u8], path: &Path) -> Result<PlyModel, PlyError> 
     parse(bytes, true).map_err(|(place, problem)| PlyError::new(path, place, problem))
 }
 
-/// An error before the file's name is added to it.
+/// An error without the file's name, which is added later.
 type Failure = (PlyPlace, PlyProblem);
 
 fn parse(bytes: &[u8], looks: bool) -> Result<PlyModel, Failure> {
@@ -187,7 +186,7 @@ fn parse(bytes: &[u8], looks: bool) -> Result<PlyModel, Failure> {
     Ok(finish(contents, header, &roles, trailing_bytes))
 }
 
-/// The mesh of what was read.
+/// Builds the mesh.
 fn finish(contents: Contents, header: Header, roles: &Roles, trailing_bytes: u64) -> PlyModel {
     let Contents { mut vertices, mut triangles, polygons, equal_polygons, wedges, mut report } = contents;
     report.trailing_bytes = trailing_bytes;
@@ -199,7 +198,7 @@ fn finish(contents: Contents, header: Header, roles: &Roles, trailing_bytes: u64
             vertices.uvs = Some(wedges.uvs);
             unmapped_faces = wedges.unmapped_faces;
         }
-        // Colours of faces only where vertices have none: those are finer.
+        // Colours of faces are used only where vertices have none, because vertex colours are finer.
         if vertices.colours.is_none() && wedges.colours.iter().flatten().any(|channel| !channel.is_nan()) {
             vertices.colours = Some(wedges.colours);
             most = roles.colour_range(true);
@@ -217,7 +216,7 @@ fn finish(contents: Contents, header: Header, roles: &Roles, trailing_bytes: u64
         report.cloud = Some(header.cloud());
     }
     triangle_textures = triangle_textures.map(|textures| {
-        // In step with what is dropped below.
+        // Kept in step with the triangles that are dropped below.
         let is_kept = |triangle: &[u32; 3]| !is_degenerate(positions.corners(*triangle));
         textures
             .into_iter()

@@ -1,9 +1,9 @@
-//! Large binary files, read piece by piece on all threads, each number straight to its place: the file as a whole is never in
-//! memory.
+//! Reader for large binary files, piece by piece on all threads. Each number goes straight to its place, and the file as a whole
+//! is never in memory.
 //!
-//! Only for what nearly all large files are: records of one length, all faces with as many corners as the first, nothing wrong.
-//! Whatever else is found, the file is read as a whole by [`super::binary`], which can tell what and where. Pieces are read with
-//! `pread` and not mapped: a file that is cut while it is read is then an error, and not the end of the process.
+//! It handles only what nearly all large files are: records of one length, faces that all have as many corners as the first face,
+//! and no errors. Otherwise the file is read as a whole by [`super::binary`], which can report the problem and its place. Pieces
+//! are read with `pread` and not mapped, so that a file truncated during reading causes an error and does not end the process.
 
 use super::binary::{FixedFaces, FixedVertices, read_integer};
 use super::header::{ByteOrder, Encoding, Header};
@@ -16,13 +16,13 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A header longer than this is read with the whole file.
+/// A file with a longer header is read as a whole.
 const LONGEST_HEADER: u64 = 1 << 16;
 
-/// Bytes of a piece: they stay in a cache until they are turned.
+/// Bytes of a piece, which stays in a processor's cache until it is converted.
 const PIECE: usize = 1 << 18;
 
-/// Reads the bodies of all elements; `None` where this is not for this file, or where it was stopped.
+/// Reads the bodies of all elements. `None` where the file does not qualify, or the reading was stopped.
 pub(super) fn read(
     file: &File,
     length: u64,
@@ -72,11 +72,11 @@ struct Input<'a> {
     file: &'a File,
     length: u64,
     reading: &'a MeshReading<'a>,
-    /// Bytes that have been read.
+    /// Bytes read so far.
     done: AtomicU64,
 }
 
-/// Records of one length that the file has.
+/// Records of one length, all of which are in the file.
 struct Records<'a> {
     input: &'a Input<'a>,
     start: u64,
@@ -89,7 +89,7 @@ impl Input<'_> {
         self.length.saturating_sub(at)
     }
 
-    /// `None` where the file ends before them.
+    /// `None` where the file ends before the last record.
     fn records(&self, start: u64, count: usize, stride: usize) -> Option<Records<'_>> {
         let bytes = (count as u64).checked_mul(stride as u64)?;
         (bytes <= self.left(start)).then_some(Records { input: self, start, count, stride })
@@ -97,7 +97,7 @@ impl Input<'_> {
 }
 
 impl Records<'_> {
-    /// Turns every record into `per_record` things. `None` where `turn` refuses one, reading fails or is stopped.
+    /// Converts every record to `per_record` items. `None` where `turn` refuses a record, or reading fails or is stopped.
     fn turn<T: Copy + Send>(
         &self,
         blank: T,
@@ -105,7 +105,7 @@ impl Records<'_> {
         turn: impl Fn(&[u8], &mut [T]) -> bool + Sync,
     ) -> Option<Vec<T>> {
         let length = self.count.checked_mul(per_record)?;
-        // One more, for the padding that Embree asks for: without it all would be copied once more.
+        // One more item, for the padding that Embree requires; otherwise the whole list would be copied again.
         let mut things = vec![blank; length + 1];
         things.truncate(length);
         let stride = self.stride;
@@ -177,7 +177,7 @@ fn read_vertices(
     Some(Vertices { positions, normals: whole(normals)?, uvs: whole(uvs)?, colours: whole(colours)? })
 }
 
-/// `None` where reading what is wanted failed.
+/// `None` where reading a wanted part failed.
 fn whole<T>(read: Option<Option<T>>) -> Option<Option<T>> {
     match read {
         None => Some(None),
@@ -194,7 +194,7 @@ fn read_faces(
     let corners = faces.corners;
     let fits = vertex_count <= i32::MAX as u64;
     if let Some(at) = faces.plain_triangles(order).filter(|_| fits) {
-        // What nearly all are: a byte 3 and three integers of 32 bits.
+        // The usual case: a byte 3 and three integers of 32 bits.
         return records.turn([0; 3], 1, |record, out| {
             let corner =
                 |at: usize| u32::from_le_bytes([record[at], record[at + 1], record[at + 2], record[at + 3]]);
@@ -213,7 +213,7 @@ fn read_faces(
             return false;
         }
         let (Some(first), Some(mut last)) = (corner(record, 0), corner(record, 1)) else { return false };
-        // A fan, to be mended where the polygon is concave.
+        // A fan, to be replaced later where the polygon is concave.
         out.iter_mut().enumerate().all(|(number, triangle)| match corner(record, number + 2) {
             Some(next) => {
                 *triangle = [first, last, next];

@@ -1,3 +1,5 @@
+//! Tests of the PLY reader.
+
 use super::*;
 use crate::files::BYTE_ORDER_MARK;
 use crate::math::unit;
@@ -16,7 +18,7 @@ fn refused(bytes: impl AsRef<[u8]>) -> String {
     load(bytes).expect_err("should be refused")
 }
 
-/// The folder of test data beside the checkout, if it is there.
+/// The folder of test data beside the checkout, if it exists.
 fn assets() -> Option<PathBuf> {
     let checkout = Path::new(env!("CARGO_MANIFEST_DIR"));
     let found =
@@ -46,7 +48,7 @@ impl Format {
     }
 }
 
-/// Writes files the slow and obvious way.
+/// Writes files in the simplest way, one number at a time.
 struct Writer {
     format: Format,
     bytes: Vec<u8>,
@@ -58,7 +60,7 @@ impl Writer {
         Self { format, bytes: header.into_bytes() }
     }
 
-    /// One number of a type given by its name in the header.
+    /// Writes one number of the type with this name in the header.
     fn put(&mut self, kind: &str, value: f64) -> &mut Self {
         if self.format == Format::Ascii {
             let text = if kind.starts_with("float") { (value as f32).to_string() } else { value.to_string() };
@@ -107,7 +109,7 @@ impl Writer {
     }
 }
 
-/// Five vertices, a triangle and a quad, normals, texture coordinates, colours, an element nobody knows.
+/// Five vertices, a triangle and a quad, normals, texture coordinates, colours, and an unknown element.
 fn rich(format: Format) -> Vec<u8> {
     let declarations = "comment made by hand\nobj_info nothing\nelement vertex 5\nproperty float x\nproperty float y\n\
         property float z\nproperty uchar red\nproperty float nx\nproperty float ny\nproperty float nz\n\
@@ -133,7 +135,7 @@ fn rich(format: Format) -> Vec<u8> {
     writer.bytes
 }
 
-/// A mesh of one triangle that is the whole of what a file needs.
+/// A mesh of one triangle with only the required content.
 fn plain(format: Format) -> Vec<u8> {
     let declarations = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
         element face 1\nproperty list uchar int vertex_indices";
@@ -188,7 +190,7 @@ fn all_types_of_numbers_by_both_names() {
     ];
     for (number, [kind, other]) in types.iter().enumerate() {
         for format in FORMATS {
-            // Types of lengths and of indices are integers.
+            // The types of lengths and of indices are integers.
             let integer = types[number.min(5)][0];
             let declarations = format!(
                 "element vertex 3\nproperty {kind} x\nproperty {other} y\nproperty {kind} z\n\
@@ -279,7 +281,7 @@ fn lists_of_vertices_are_walked() {
     }
 }
 
-/// Vertices on a circle, and faces of the given numbers of corners.
+/// Vertices on a circle, and faces with the given numbers of corners.
 fn polygons(format: Format, corners: &[usize]) -> Vec<u8> {
     let declarations = format!(
         "element vertex 12\nproperty float x\nproperty float y\nproperty float z\nelement face {}\n\
@@ -478,7 +480,7 @@ fn numbers_that_the_file_cannot_hold_are_refused_at_once() {
             let message = refused(Writer::new(format, &declarations).bytes);
             assert!(message.contains("are declared, but the file ends"), "{message}");
         }
-        // Records without properties take nothing, however many there are.
+        // Records without properties take no memory, whatever their number.
         let nothing = "element a 18446744073709551615\nelement vertex 0";
         assert!(load(Writer::new(format, nothing).bytes).is_ok());
     }
@@ -494,12 +496,12 @@ fn headers_without_end_cost_no_time() {
     assert!(refused(&text).contains("more than 1000 elements"));
 }
 
-/// Bytes of what a mesh holds.
+/// Bytes of a mesh's content.
 fn size(mesh: &TriangleMesh) -> usize {
     mesh.positions.len() * 24 + mesh.triangles.len() * 12 + mesh.normals.as_ref().map_or(0, |n| n.len() * 12)
 }
 
-/// Piece by piece from a file and as a whole from memory, meshes are the same.
+/// A file that is read in pieces gives the same mesh as its bytes in memory.
 #[test]
 fn what_is_read_piece_by_piece_is_what_is_read_as_a_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -539,7 +541,7 @@ fn what_is_read_piece_by_piece_is_what_is_read_as_a_whole() {
         }
     }
     assert!(streamed >= 12, "{streamed}");
-    // Stopped, and not taken for damaged.
+    // Reported as stopped, and not as damaged.
     std::fs::write(&path, polygons(Format::Little, &many)).unwrap();
     let reading = MeshReading { progress: &|_, _| false, ..MeshReading::ALL };
     let message = read_ply_with(&path, &reading).unwrap_err().to_string();
@@ -551,7 +553,7 @@ fn truncation_at_every_byte_is_an_error_and_never_a_panic() {
     for format in FORMATS {
         for bytes in [plain(format), rich(format), polygons(format, &[3, 5, 2])] {
             let last_record = match format {
-                // The last number of the last line may lose digits without anybody being able to tell.
+                // If the last number of the last line loses digits, nothing can detect it.
                 Format::Ascii => {
                     bytes[..bytes.len() - 1].iter().rposition(|&byte| byte == b'\n').unwrap() + 1
                 }
@@ -593,7 +595,7 @@ fn flipped_bytes_never_panic_nor_take_much_memory() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// What is written is what is read, for any mesh and in all formats.
+    /// A mesh that is written in any format is read back unchanged.
     #[test]
     fn round_trip(
         positions in prop::collection::vec(prop::array::uniform3(-1e6f32..1e6), 3..20),
@@ -643,7 +645,7 @@ proptest! {
     }
 }
 
-/// An independent walk of each file says which must load: `STRUCTURE.txt`.
+/// `STRUCTURE.txt`, made by an independent reader, lists the files that must load.
 #[test]
 fn files_of_other_programs() {
     let Some(folder) = assets().map(|assets| assets.join("malformed/magnum-ply")) else { return };
@@ -653,7 +655,7 @@ fn files_of_other_programs() {
         let (name, verdict) = line.split_once(' ').unwrap();
         let result = read_ply(&folder.join(name));
         match verdict.trim().strip_prefix("ok") {
-            // Legal, but with odd blanks in its header.
+            // Valid, but with unusual blanks in its header.
             None if name == "whitespace.ply" => assert!(result.is_ok(), "{name}"),
             None => {
                 let message = result.expect_err(name).to_string();
@@ -705,7 +707,7 @@ fn a_globe_of_a_million_triangles() {
     assert!(share > 0.9, "{share}");
 }
 
-/// A square whose corners are in this order in the strip, in every format; and a second strip after a break.
+/// A square with its corners in this order in a strip, in every format, and a second strip after a break.
 #[test]
 fn triangle_strips_are_read() {
     for format in FORMATS {
@@ -772,7 +774,7 @@ fn looks_are_read_in_all_formats() {
         let model = parse_ply_model(&writer.bytes, Path::new("a.ply")).unwrap();
         assert_eq!(model.textures, ["a picture.png", "b.png"], "{format:?}");
         assert_eq!(model.triangle_textures, Some(vec![0, 1]));
-        // Corners with the same vertex and coordinates are one.
+        // Corners with the same vertex and coordinates are merged.
         assert_eq!(model.mesh.positions.len(), 4);
         let (uvs, colours) = (model.mesh.uvs.unwrap(), model.colours.unwrap());
         let [a, b, c] = model.mesh.triangles[1].map(|vertex| vertex as usize);
@@ -784,7 +786,7 @@ fn looks_are_read_in_all_formats() {
             [colours[a], colours[b], colours[c]],
             [[0., 0., 1.], [1., 1., 1.], [0., 1., 1.]].map(Vec3::from_array)
         );
-        // Who asks for the mesh alone gets it as it is.
+        // A reader of the mesh alone gets the mesh without face data.
         let (plain, _) = load(&writer.bytes).unwrap();
         assert_eq!((plain.positions.len(), plain.uvs), (4, None));
     }
