@@ -385,7 +385,7 @@ fn waves() -> Density {
     Density::Field(Arc::new(BoundedField::new(field, bounds, UVec3::new(32, 2, 2)).unwrap()))
 }
 
-/// Checks that a ray through the volume sees the radiance `source` of its medium_stack, by following light over `reach` at each step.
+/// Checks that a ray through the volume sees the radiance `source` of its surroundings, by following light over `reach` at each step.
 fn check_furnace(volume: &Volume, source: Rgb, reach: f64, what: &str) {
     let mut rng = Rng::new(SEED, Stream::Measure, 400);
     let mut means = [Mean::default(); 3];

@@ -2,7 +2,7 @@ use super::{Distribution2D, ONE_MINUS_EPSILON};
 use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Longitude and latitude of a table over all directions, as pictures of medium_stack have them: `u` in `[0, 1)` to the
+/// Longitude and latitude of a table over all directions, as pictures of surroundings have them: `u` in `[0, 1)` to the
 /// right, one half of it where the direction is -z; `v` in `[0, 1]` down from +y.
 pub fn direction_to_square(direction: Vec3) -> Vec2 {
     let d = direction.as_dvec3();

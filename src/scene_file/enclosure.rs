@@ -18,7 +18,7 @@ const SECTORS: usize = 8;
 
 /// Nearest hits of rays from one place in all directions.
 #[derive(Clone, Debug)]
-pub(super) struct MediumStack {
+pub(super) struct Surroundings {
     eye: DVec3,
     /// By octant (bit 0, 1, 2 set: negative x, y, z), then by cell: the nearest hit.
     hits: [[Hit; IN_OCTANT]; 8],
@@ -182,7 +182,7 @@ impl Seen {
     }
 }
 
-impl MediumStack {
+impl Surroundings {
     /// Hits around `eye`.
     pub(super) fn of(eye: DVec3, triangles: &Triangles<'_>) -> Self {
         let nothing = || Self { eye, hits: [[Hit::NONE; IN_OCTANT]; 8], above: Hit::NONE };
@@ -320,8 +320,8 @@ mod tests {
         }
     }
 
-    fn around(eye: DVec3, triangles: &[[DVec3; 3]]) -> MediumStack {
-        MediumStack::of(eye, &Triangles::new([(&mesh(triangles), DAffine3::IDENTITY)]))
+    fn around(eye: DVec3, triangles: &[[DVec3; 3]]) -> Surroundings {
+        Surroundings::of(eye, &Triangles::new([(&mesh(triangles), DAffine3::IDENTITY)]))
     }
 
     fn is_inside_out(eye: DVec3, triangles: &[[DVec3; 3]]) -> bool {

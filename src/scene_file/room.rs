@@ -4,7 +4,7 @@ use super::description::{
     CameraDescription, EmissionDescription, FovAxis, GeometryDescription, LightDescription, Location,
     MaterialDescription, Named, SceneDescription, ShapeDescription,
 };
-use super::enclosure::{MediumStack, Triangles};
+use super::enclosure::{Surroundings, Triangles};
 use crate::math::{Bounds3, Rgb};
 use glam::{DAffine3, DVec3};
 use std::f64::consts::PI;
@@ -112,7 +112,7 @@ impl Room {
         is_wished: bool,
         triangles: &Triangles<'_>,
     ) -> Option<Self> {
-        let seen = MediumStack::of(camera.eye, triangles);
+        let seen = Surroundings::of(camera.eye, triangles);
         (is_wished || seen.is_enclosed()).then(|| {
             let lamp = ceiling(&model.bounds);
             let hides = may_see(camera, aspect, &corners_of(lamp));
@@ -139,13 +139,13 @@ impl Room {
         let places = corners.map(|(x, z)| (mirrored(EYE, x, z), mirrored(AT, x, z)));
         let middle = (DVec3::new(0.5, EYE.y, 0.5), AT);
         let in_middle = within(&model.bounds, middle.0, AT, location).eye;
-        if !is_wished && !MediumStack::of(in_middle, triangles).is_walled() {
+        if !is_wished && !Surroundings::of(in_middle, triangles).is_walled() {
             return None;
         }
         let mut first = None;
         for (eye, at) in places.into_iter().chain([middle]) {
             let camera = within(&model.bounds, eye, at, location);
-            let seen = MediumStack::of(camera.eye, triangles);
+            let seen = Surroundings::of(camera.eye, triangles);
             if seen.is_enclosed() && seen.is_inside_out(triangles) {
                 let light = light_for(camera.eye, &seen, model, true, triangles);
                 return Some(Self { camera, light });
@@ -192,7 +192,7 @@ impl Room {
 /// A lamp under the ceiling where that is inside the room and may be visible; otherwise a light above the eye.
 fn light_for(
     eye: DVec3,
-    seen: &MediumStack,
+    seen: &Surroundings,
     model: &Model,
     may_show: bool,
     triangles: &Triangles<'_>,
@@ -201,7 +201,7 @@ fn light_for(
     let middle = corner + 0.5 * (edge_u + edge_v);
     let corners = corners_of(ceiling(&model.bounds));
     let is_seen = || corners.iter().chain([&middle]).all(|place| triangles.leave_free(eye, *place));
-    if may_show && is_seen() && MediumStack::of(middle, triangles).is_enclosed() {
+    if may_show && is_seen() && Surroundings::of(middle, triangles).is_enclosed() {
         return RoomLight::Ceiling;
     }
     let distance = seen.distance().unwrap_or_else(|| model.bounds.radius());

@@ -7,7 +7,7 @@ use crate::scene_file::description::{
     CameraDescription, FovAxis, GeometryDescription, LightDescription, Location, MaterialDescription, Named,
     SceneDescription, SceneWarning, ShapeDescription,
 };
-use crate::scene_file::enclosure::{MediumStack, Triangles};
+use crate::scene_file::enclosure::{Surroundings, Triangles};
 use crate::scene_file::room::{
     Choice, LAMP, Model, Room, add_lamp, add_material, add_shape, corners_of, may_see,
 };
@@ -203,7 +203,7 @@ fn room_of(description: &SceneDescription, wish: Choice, model: &Model, aspect: 
 
 /// View direction for a model whose file has no camera, with a description in words.
 fn view_of(description: &SceneDescription, model: &Model) -> (DVec3, &'static str) {
-    let middle = MediumStack::of(model.bounds.center(), &triangles_of(description));
+    let middle = Surroundings::of(model.bounds.center(), &triangles_of(description));
     if middle.is_open_above() {
         let how = "there is no camera in the file; the model is walled on all sides and open above, so it is shown from above";
         (VIEW_INTO, how)
