@@ -147,7 +147,7 @@ radiance = 1.0
     )
 }
 
-/// Where nothing is absorbed the radiance of the medium_stack is everywhere, whatever scatters; and so it is where what absorbs glows
+/// Where nothing is absorbed the radiance of the surroundings is everywhere, whatever scatters; and so it is where what absorbs glows
 /// with that radiance.
 #[test]
 fn furnaces_are_even() {

@@ -72,7 +72,7 @@ const POINT: &str =
     "[[lights]]\nname = \"bulb\"\ntype = \"point\"\nposition = [0.0, 1.0, 0.0]\npower = 10.0\n";
 
 /// A mirror far from the light, seen through a hole in a black wall, and small: one photon in hundreds that are aimed at
-/// its medium_stack is stored.
+/// its surroundings is stored.
 fn little_light() -> Stage {
     let glass = sphere("far", [1.9, -0.2, 0.0], 0.02, "material = \"glass\"");
     let shield = "[[shapes]]\nname = \"shield\"\ntype = \"disc\"\ncenter = [0.0, 0.9, 0.0]\nradius = 0.5\n\
