@@ -228,7 +228,8 @@ fn irradiance(c: &mut Criterion) {
         let (mut sum, mut distance) = (Rgb::ZERO, 0.0);
         let ours = || {
             for &(position, normal) in &queries {
-                let found = irradiance.nearest((position, normal), f32::INFINITY, |_, _| true);
+                let found =
+                    irradiance.nearest((position, normal), (f32::INFINITY, f32::INFINITY), |_, _| true);
                 sum += found.map_or(Rgb::ZERO, |found| found.irradiance);
             }
         };

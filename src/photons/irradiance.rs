@@ -22,9 +22,9 @@ const LEAF: usize = 8;
 /// a share of `exp(-10)`.
 const NEIGHBOURS: usize = 32;
 
-/// Factor on the validity radius for places that are farther from the point than the nearest obstacle its feeler rays
-/// found, and for all places if the neighbours of the point lie far apart. The result is about the distance to the
-/// third neighbour. Without this factor, where photons are few, a point on the ground in front of a house would be used
+/// Factor on the validity radius if the neighbours of a point lie far apart: against what the point faces, or, for places beyond the
+/// nearest obstacle that its feelers found, against the distance from which the place is seen. The result is about the distance to
+/// the third neighbour. Without this factor, where photons are few, a point on the ground in front of a house would be used
 /// for the floor inside, through the window, and a point in a patch of sun for the floor around it.
 const SHARE_OF_REACH: f32 = 0.3;
 
@@ -389,12 +389,12 @@ impl IrradianceMap {
     /// point (position, normal). Points above or below the surface count as farther away, as in
     /// [`super::SearchRegion::Disc`]. Among the valid points, those whose feelers met no obstacle up to the distance of
     /// the place come first, and the nearest of them is used: a point at the foot of a wall is not valid behind the
-    /// wall. If there is none, the validity radius shrinks to about the distance of the third neighbour. If the nearest
-    /// point is valid for no place, the result is `None`.
+    /// wall. For other points that lie far apart against the distance that the place is `seen_from`, the validity radius shrinks to
+    /// about the distance of the third neighbour. If the nearest point is valid for no place, the result is `None`.
     pub fn nearest(
         &self,
         (position, normal): (Vec3, Vec3),
-        max_radius: f32,
+        (max_radius, seen_from): (f32, f32),
         connects: impl Fn(Vec3, Vec3) -> bool,
     ) -> Option<PointIrradiance> {
         let mut refused = ArrayVec::<usize, MOST_ASKED>::new();
@@ -406,6 +406,7 @@ impl IrradianceMap {
                 acceptance: Acceptance::new(normal, MIN_NORMAL_COS, PhotonClasses::ALL),
                 open: NO_KEY,
                 any: NO_KEY,
+                coarse: LARGEST_SHARE_OF_OUTLOOK * seen_from,
                 bound: if max_radius >= 0.0 { max_radius * max_radius } else { -1.0 },
                 leaves: MOST_LEAVES,
             };
@@ -460,6 +461,8 @@ struct Answering<'a> {
     map: &'a IrradianceMap,
     refused: &'a [usize],
     place: (Vec3, Vec3),
+    /// Distance of neighbours beyond which points are too far apart for who sees the place.
+    coarse: f32,
     acceptance: Acceptance,
     /// Key of the nearest point whose feelers met no obstacle up to the place.
     open: u64,
@@ -503,7 +506,8 @@ impl Visitor<LEAF> for Answering<'_> {
             let v = block.position(lane) - self.place.0;
             let is_open = distance_squared <= felt * felt;
             // Points without a valid estimate take part: a place nearest to one of them has no value.
-            let reach = if is_open || felt == 0.0 || reach < 0.0 { reach } else { SHARE_OF_REACH * reach };
+            let is_fine = is_open || felt == 0.0 || reach < self.coarse;
+            let reach = if is_fine { reach } else { SHARE_OF_REACH * reach };
             if !(flattened(distance_squared, v, normals) <= reach * reach) {
                 continue;
             }
@@ -612,7 +616,11 @@ mod tests {
                 let mut rng = Rng::new(seed, Stream::Measure, 1 << 40);
                 for _ in 0..5000 {
                     let u = rng.next_2d() * 0.7 + 0.15;
-                    let found = irradiance.nearest((Vec3::new(u.x, 0.001, u.y), Vec3::Y), 1.0, |_, _| true);
+                    let found = irradiance.nearest(
+                        (Vec3::new(u.x, 0.001, u.y), Vec3::Y),
+                        (1.0, f32::INFINITY),
+                        |_, _| true,
+                    );
                     sum += f64::from(found.unwrap().irradiance.y);
                     count += 1;
                 }
@@ -648,7 +656,7 @@ mod tests {
                 let u = rng.next_2d() * 0.7 + 0.15;
                 sum += f64::from(
                     irradiance
-                        .nearest((Vec3::new(u.x, 0.001, u.y), Vec3::Y), 1.0, |_, _| true)
+                        .nearest((Vec3::new(u.x, 0.001, u.y), Vec3::Y), (1.0, f32::INFINITY), |_, _| true)
                         .unwrap()
                         .irradiance
                         .y,
@@ -704,7 +712,11 @@ mod tests {
             let query = template(100).at(photon.position, Vec3::Y);
             let a = f64::from(map.estimate_irradiance(&query, &params, &mut scratch).value.x);
             let b = f64::from(
-                irradiance.nearest((photon.position, Vec3::Y), 1.0, |_, _| true).unwrap().irradiance.x,
+                irradiance
+                    .nearest((photon.position, Vec3::Y), (1.0, f32::INFINITY), |_, _| true)
+                    .unwrap()
+                    .irradiance
+                    .x,
             );
             exact += a;
             stored += b;
@@ -720,8 +732,9 @@ mod tests {
     fn sides_and_reach() {
         let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
         let irradiance = square(1000, 0).precompute_irradiance(&template(50), &params, 1);
-        let nearest =
-            |at: Vec3, normal: Vec3, radius: f32| irradiance.nearest((at, normal), radius, |_, _| true);
+        let nearest = |at: Vec3, normal: Vec3, radius: f32| {
+            irradiance.nearest((at, normal), (radius, f32::INFINITY), |_, _| true)
+        };
         let on = Vec3::new(0.5, 0.0, 0.5);
         assert!(nearest(on, Vec3::Y, f32::INFINITY).is_some());
         assert!(nearest(on, Vec3::NEG_Y, f32::INFINITY).is_none());
@@ -736,10 +749,10 @@ mod tests {
         assert!(nearest(Vec3::new(0.5, -0.06, 0.5), Vec3::Y, 1.0).is_none(), "below");
         assert!(irradiance.memory_bytes() < 28 * irradiance.len());
         let none = PhotonMap::build(Vec::new(), 0).precompute_irradiance(&template(50), &params, 0);
-        assert!(none.is_empty() && none.nearest((on, Vec3::Y), 1.0, |_, _| true).is_none());
+        assert!(none.is_empty() && none.nearest((on, Vec3::Y), (1.0, f32::INFINITY), |_, _| true).is_none());
         let few = square(32, 0).precompute_irradiance(&template(50), &params, 1);
         assert!(
-            few.nearest((on, Vec3::Y), 1.0, |_, _| true).is_none(),
+            few.nearest((on, Vec3::Y), (1.0, f32::INFINITY), |_, _| true).is_none(),
             "of 32 points none has 32 neighbours"
         );
     }
@@ -755,8 +768,11 @@ mod tests {
             let same_side = |point: Vec3, _: Vec3| (point.x < 0.5) == (at.x < 0.5);
             // Next to the wall the nearest points may all be on the other side.
             let near_wall = (at.x - 0.5).abs() < 0.05;
-            assert!(near_wall || irradiance.nearest((at, Vec3::Y), 1.0, same_side).is_some(), "{at}");
-            assert!(irradiance.nearest((at, Vec3::Y), 1.0, |_, _| false).is_none());
+            assert!(
+                near_wall || irradiance.nearest((at, Vec3::Y), (1.0, f32::INFINITY), same_side).is_some(),
+                "{at}"
+            );
+            assert!(irradiance.nearest((at, Vec3::Y), (1.0, f32::INFINITY), |_, _| false).is_none());
         }
     }
 
@@ -766,7 +782,11 @@ mod tests {
         let params = EstimateParams { kernel: Kernel::Constant, estimator: Estimator::Corrected };
         let irradiance = square(50_000, 0).precompute_irradiance(&template(50), &params, 1);
         for height in [0.02, 0.1, 0.5] {
-            assert!(irradiance.nearest((Vec3::new(0.5, height, 0.5), Vec3::Y), 1.0, |_, _| true).is_none());
+            assert!(
+                irradiance
+                    .nearest((Vec3::new(0.5, height, 0.5), Vec3::Y), (1.0, f32::INFINITY), |_, _| true)
+                    .is_none()
+            );
         }
     }
 
@@ -787,7 +807,9 @@ mod tests {
         let irradiance = map
             .precompute_irradiance_until(&template(50), &params, 4, sight, Some(&known), &|| false)
             .unwrap();
-        let found = irradiance.nearest((Vec3::new(0.5, 0.0, 0.5), Vec3::Y), 1.0, |_, _| true).unwrap();
+        let found = irradiance
+            .nearest((Vec3::new(0.5, 0.0, 0.5), Vec3::Y), (1.0, f32::INFINITY), |_, _| true)
+            .unwrap();
         assert!(found.lacks_direct && found.irradiance == Rgb::ZERO, "{found:?}");
         assert!(map.only(PhotonClasses::only(PhotonClass::Indirect)).is_empty());
         assert_eq!(map.only(PhotonClasses::only(PhotonClass::Direct)).len(), 20_000);
@@ -810,14 +832,20 @@ mod tests {
             };
             IrradianceMap::of_points((0..100).map(point).collect())
         };
-        let answers = |map: &IrradianceMap, beyond: f32| {
-            map.nearest((Vec3::new(9.0 + beyond, 0.0, 5.0), Vec3::Y), 100.0, |_, _| true).is_some()
+        let seen_from = |map: &IrradianceMap, beyond: f32, distance: f32| {
+            map.nearest((Vec3::new(9.0 + beyond, 0.0, 5.0), Vec3::Y), (100.0, distance), |_, _| true)
+                .is_some()
         };
+        let answers = |map: &IrradianceMap, beyond: f32| seen_from(map, beyond, 10.0);
         let (open, walled, sparse) = (at(f32::INFINITY, false), at(0.5, false), at(f32::INFINITY, true));
         assert!(answers(&open, 3.0) && !answers(&open, 6.0));
         for limited in [&walled, &sparse] {
             assert!(answers(limited, 1.0) && !answers(limited, 3.0));
         }
+        assert!(
+            seen_from(&walled, 3.0, 100.0) && !seen_from(&sparse, 3.0, 100.0),
+            "from far away they lie close together"
+        );
         // Points that are valid for no place are not skipped in favour of others farther away.
         assert!(!answers(&at(0.0, false), 0.1));
         // The sparse flag survives a file.

@@ -57,7 +57,7 @@ pub struct Surface {
     pub geometry: Geometry,
     /// Whether the normal is opposite to the geometry's own.
     pub flip_normal: bool,
-    /// Index into [`Scene::materials`].
+    /// Index into [`super::Scene::materials`].
     pub material: u32,
     /// Materials by part, for an object whose parts differ; empty where they do not.
     pub part_materials: Vec<u32>,
@@ -78,7 +78,7 @@ impl Surface {
 /// What a geometry number of the top-level Embree scene refers to.
 #[derive(Clone, Debug)]
 pub enum Node {
-    /// A surface in render space: index into [`Scene::surfaces`].
+    /// A surface in render space: index into [`super::Scene::surfaces`].
     Surface(u32),
     /// An instance: its geometry number `g` is surface `first + g`.
     Instance {
@@ -99,7 +99,7 @@ pub struct Target {
     /// Relative density of caustic photons towards this surface: its specularity times the factor in the scene file. Zero for surfaces
     /// that cast no caustics.
     pub density: f32,
-    /// Index into [`Scene::surfaces`].
+    /// Index into [`super::Scene::surfaces`].
     pub surface: u32,
     /// Corners of a box around the surface.
     pub bounds: [Vec3; 2],

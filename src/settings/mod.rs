@@ -1,6 +1,6 @@
 //! The settings of a render: one table, from which everything that knows settings is made.
 //!
-//! A setting is declared once, in [`table`]: its name, type, limits, unit, default in each preset, group and help, whether photons
+//! A setting is declared once, in `table`: its name, type, limits, unit, default in each preset, group and help, whether photons
 //! depend on it, and how `cardioid tradeoff` turns it. From that come
 //!
 //! - [`Settings`] and [`Overrides`], the overlay of what was asked for (`declare.rs`);

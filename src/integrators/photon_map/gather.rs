@@ -387,7 +387,7 @@ impl PhotonMapIntegrator<'_> {
             let (position, normal) = (hit.point.position, hit.facing_normal());
             // A point farther away than the origin of the ray belongs to another part of the scene.
             let reach = (POOR_REACH * largest).min(hit.distance);
-            let found = irradiance.nearest((position, normal), reach, connects)?;
+            let found = irradiance.nearest((position, normal), (reach, hit.distance), connects)?;
             let reflected = lambert.reflectance * found.irradiance * FRAC_1_PI;
             return Some(if found.lacks_direct {
                 reflected + self.direct_at(at, u, scratch)

@@ -342,7 +342,7 @@ fn threads_and_order_change_no_bit() {
                 (0..500).map(|i| map.estimate_irradiance(&query(i), &params, &mut scratch)).collect();
             let irradiance = map.precompute_irradiance(&query(0), &params, 3);
             let near: Vec<_> = (0..500)
-                .map(|i| irradiance.nearest((query(i).position, Vec3::Y), 1.0, |_, _| true))
+                .map(|i| irradiance.nearest((query(i).position, Vec3::Y), (1.0, f32::INFINITY), |_, _| true))
                 .collect();
             (map.photons().collect::<Vec<_>>(), values, near, map.total_flux())
         })
