@@ -1,15 +1,16 @@
 //! Checks the memory that an EXR would require, before the decoder opens it.
 //!
 //! When OpenEXR opens a file, it allocates memory for tables and blocks as the header claims: gigabytes for a damaged file of a few bytes.
-//! So the claims of the header are read here first, and only a file with claims within the limits is opened. The layout is that of <https://openexr.com/en/latest/OpenEXRFileLayout.html>.
+//! So the claims of the header are read here first, and only a file with claims within the limits is opened. The layout is that of
+//! <https://openexr.com/en/latest/OpenEXRFileLayout.html>.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
 /// First bytes of each EXR.
 pub(super) const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Most values (of 2 or 4 bytes) of one block. A block is a tile or the rows that are compressed together. The decoder holds a few blocks per
-/// thread, of at most 128 MiB each. Rows of 16384 pixels with 128 channels, compressed as this renderer does, reach the limit.
+/// Most values (of 2 or 4 bytes) of one block. A block is a tile or the rows that are compressed together. The decoder holds a few blocks
+/// per thread, of at most 128 MiB each. Rows of 16384 pixels with 128 channels, compressed as this renderer does, reach the limit.
 pub(super) const BLOCK_LIMIT: u64 = 1 << 25;
 
 /// Longest name of an attribute or channel that the format allows.

@@ -27,8 +27,8 @@ pub struct TiledImage {
 /// Errors of reading tiles during a render, by file; see [`take_tile_failures`].
 static FAILURES: Mutex<BTreeMap<PathBuf, String>> = Mutex::new(BTreeMap::new());
 
-/// Sets the memory limit in bytes for the tiles of all pictures together; the default of OpenImageIO is 256 MiB. Tiles in use stay in memory,
-/// and each thread keeps two.
+/// Sets the memory limit in bytes for the tiles of all pictures together; the default of OpenImageIO is 256 MiB. Tiles in use stay in
+/// memory, and each thread keeps two.
 ///
 /// # Errors
 /// [`ImageError::Library`] if OpenImageIO cannot be loaded.
@@ -36,8 +36,8 @@ pub fn set_tile_memory(bytes: u64) -> Result<(), ImageError> {
     limit_tiles(bytes as f32 / (1 << 20) as f32).map_err(|failure| damaged(Path::new(""), failure))
 }
 
-/// Errors of reading tiled pictures since the last call, one for each file: the file was damaged, or changed or removed after it was opened.
-/// Texels that cannot be read are black with alpha 1.
+/// Errors of reading tiled pictures since the last call, one for each file: the file was damaged, or changed or removed after it was
+/// opened. Texels that cannot be read are black with alpha 1.
 pub fn take_tile_failures() -> Vec<String> {
     let mut failures = FAILURES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     std::mem::take(&mut *failures).into_values().collect()
@@ -147,9 +147,9 @@ impl TiledImage {
         self.headers.is_associated
     }
 
-    /// Reads a window of a level, rows from the top: the first four channels, with integers scaled to 0..1. Channels that the file lacks keep
-    /// their values. A window that does not lie within the level or cannot be read keeps all its values; [`take_tile_failures`] reports
-    /// such failures.
+    /// Reads a window of a level, rows from the top: the first four channels, with integers scaled to 0..1. Channels that the file lacks
+    /// keep their values. A window that does not lie within the level or cannot be read keeps all its values; [`take_tile_failures`]
+    /// reports such failures.
     #[inline]
     pub fn read(&self, level: usize, from: [u32; 2], size: [u32; 2], texels: &mut [[f32; 4]]) {
         if let Err(failure) = self.tiles.read(level, from, size, texels) {

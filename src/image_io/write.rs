@@ -108,8 +108,8 @@ pub fn write_bytes(
 
 /// Writes an EXR: 32-bit float, losslessly compressed (ZIP), all layers in one part.
 ///
-/// Channels have the usual names: `R`, `G`, `B` for the layer without a name, and names like `normal.X` and `depth.Z` for others. Values are
-/// stored bit by bit, including NaN and infinity; ids are stored as numbers, exact below 2^24.
+/// Channels have the usual names: `R`, `G`, `B` for the layer without a name, and names like `normal.X` and `depth.Z` for others. Values
+/// are stored bit by bit, including NaN and infinity; ids are stored as numbers, exact below 2^24.
 ///
 /// Metadata names should contain a colon (`cardioid:seed`), as EXR gives some plain names a meaning and a type. No metadata is added: the
 /// same picture gives the same file, byte by byte.
@@ -200,8 +200,8 @@ const SOFTWARE: &CStr =
 /// Writes a PNG, marked as sRGB, and as written by this program.
 ///
 /// # Errors
-/// [`ImageError::Inconsistent`] if the pixels do not fit the size, [`ImageError::Write`] if the system reports an error. An existing file is
-/// then unchanged.
+/// [`ImageError::Inconsistent`] if the pixels do not fit the size, [`ImageError::Write`] if the system reports an error. An existing file
+/// is then unchanged.
 pub fn write_png(
     path: impl AsRef<Path>,
     width: u32,

@@ -1,3 +1,5 @@
+//! Tests of sampling by area and by solid angle.
+
 use super::super::*;
 use super::{random_direction, random_magnitude, random_point};
 use crate::bsdf::chi_square::ChiSquare;
@@ -13,7 +15,7 @@ fn quad(corner: DVec3, edge_u: DVec3, edge_v: DVec3) -> EmitterShape {
     EmitterShape::Quad(Quad::new(corner, edge_u, edge_v).unwrap())
 }
 
-/// One of each kind, a skewed parallelogram among them.
+/// One shape of each kind, and a skewed parallelogram.
 fn random_shapes(rng: &mut Rng) -> [EmitterShape; 6] {
     let (p, size) = (random_point(rng), random_magnitude(rng, -6.0, 1.0));
     let (x, y) = tangents(random_direction(rng));
@@ -290,7 +292,7 @@ fn sphere_cone_at_the_extremes() {
                 let pdf = f64::from(sample.pdf_solid_angle);
                 assert!((pdf / want - 1.0).abs() < 1e-6, "{ratio}: {pdf} {want}");
                 assert!((sample.position.length() / radius - 1.0).abs() < 1e-15);
-                // The near side, and at the angle that was asked for.
+                // The point is on the near side and at the requested angle.
                 let to = reference - sample.position;
                 assert!(
                     to.dot(sample.normal) >= -1e-15 * reference.z,
