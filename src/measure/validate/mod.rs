@@ -237,7 +237,7 @@ impl Validation {
         );
         let mut section = "";
         for row in &self.rows {
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             if row.section != section {
                 section = row.section;
                 let _ = write!(
