@@ -26,7 +26,7 @@ pub enum EmbreeError {
     /// A call failed.
     #[error("Embree failed to {action}: {message}")]
     Call {
-        /// What was attempted.
+        /// The attempted action.
         action: &'static str,
         /// Embree's message.
         message: String,

@@ -313,7 +313,7 @@ impl Input {
         pixels.try_reserve_exact(length).map_err(|_| Failure::out_of_memory())?;
         pixels.resize(length, 0.0);
         let mut error = Failure::empty();
-        // SAFETY: the input is live, and the shim writes no more than the length that it is told.
+        // SAFETY: the input is live, and the shim writes no more than the given length.
         let read = unsafe {
             self.shim.oiio_input_read(self.input.as_ptr(), pixels.as_mut_ptr(), length, &raw mut error)
         };

@@ -18,7 +18,7 @@ use std::sync::Mutex;
 pub struct TiledImage {
     tiles: Tiles,
     headers: Headers,
-    /// For messages.
+    /// Name of the file, for messages.
     path: PathBuf,
     /// A temporary file without a name, which the system deletes when it is closed.
     _file: Option<File>,

@@ -23,7 +23,7 @@ impl Ray {
         Self { origin, direction, t_max: f32::INFINITY }
     }
 
-    /// The segment from `origin` to `target`. The caller moves both ends off their surfaces.
+    /// The segment from `origin` to `target`. Only rounding decides whether surfaces at its ends are hit.
     pub fn segment(origin: Vec3, target: Vec3) -> Self {
         Self { origin, direction: target - origin, t_max: 1.0 }
     }

@@ -34,7 +34,7 @@ const UNDERFILLED: f64 = 0.5;
 /// Report on one map.
 #[derive(Clone, Debug)]
 pub struct MapReport {
-    /// Which map.
+    /// Kind of the map.
     pub kind: MapKind,
     /// Photons emitted by all lights.
     pub emitted: u64,

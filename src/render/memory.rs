@@ -18,9 +18,9 @@ const IRRADIANCE_BYTES: f64 = 27.0 / super::maps::IRRADIANCE_STRIDE as f64;
 /// Photons to store in each map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct PhotonCounts {
-    /// In the global map; zero where there is none.
+    /// Photons in the global map; zero where there is none.
     pub global: u64,
-    /// In the caustic map; zero where there is none.
+    /// Photons in the caustic map; zero where there is none.
     pub caustic: u64,
 }
 

@@ -65,7 +65,7 @@ pub struct Rendered {
     pub film: Film,
     /// Statistics of the render.
     pub statistics: Statistics,
-    /// Where the render was stopped early; `None` where it is complete.
+    /// The pass in which the render was stopped early; `None` where it is complete.
     pub stopped: Option<Stop>,
     /// Why the checkpoint could not be written, where the file lacks some of the rounds.
     pub checkpoint_failure: Option<CheckpointError>,

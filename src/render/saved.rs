@@ -69,7 +69,7 @@ struct Description {
     /// Hash of everything in the scene that photons depend on.
     scene_hash: String,
     settings: PhotonSettings,
-    /// How irradiance was precomputed.
+    /// The settings of precomputed irradiance ([`irradiance_key`]); `None` where there is none.
     irradiance: Option<String>,
     /// Statistics of tracing the maps.
     maps: Vec<MapStatistics>,

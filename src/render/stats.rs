@@ -66,7 +66,7 @@ pub struct PhotonStatistics {
 /// One photon map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapStatistics {
-    /// Which map.
+    /// Kind of the map.
     pub map: MapKind,
     /// Photons asked for.
     pub asked: u64,

@@ -37,7 +37,7 @@ pub(in crate::image_io) fn write_tiles<T: Sample>(
     let levels: Vec<_> = levels.iter().map(level).collect::<Option<_>>().ok_or_else(too_large)?;
     let count = i32::try_from(levels.len()).map_err(|_| too_large())?;
     let mut error = Failure::empty();
-    // SAFETY: the path ends in NUL, and each level has, by the check above, four numbers of the type told for each texel.
+    // SAFETY: the path ends in NUL, and each level has, by the check above, four values of the given type for each texel.
     let written = unsafe {
         Failure::shim()?.oiio_tiles_write(path.as_ptr(), levels.as_ptr(), count, T::FORMAT, &raw mut error)
     };
@@ -104,7 +104,7 @@ impl Tiles {
         let [x, y, width, height] = [x, y, width, height].map(|number| i32::try_from(number).unwrap_or(-1));
         let level = i32::try_from(level).unwrap_or(-1);
         let texels = texels.as_flattened_mut();
-        // SAFETY: the picture is live, and the shim writes no more than the length that it is told.
+        // SAFETY: the picture is live, and the shim writes no more than the given length.
         let read = unsafe {
             self.shim.oiio_tiles_read(
                 self.tiles.as_ptr(),

@@ -98,7 +98,7 @@ fn inside() -> Vec<(f64, f64)> {
     (0..21).flat_map(|i| (-2..=2).map(move |j| (0.3 + 0.07 * f64::from(i), 0.1 * f64::from(j)))).collect()
 }
 
-/// By line, then across the edge.
+/// Positions across the edge, line by line.
 fn across_edge() -> Vec<(f64, f64)> {
     let across =
         |z: f64| (-EDGE_STEPS..=EDGE_STEPS).map(move |i| (MirrorSquare::EDGE + EDGE_STEP * f64::from(i), z));

@@ -65,7 +65,7 @@ pub enum CheckpointError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, after its name.
+        /// The problem, as text that follows the file name.
         what: String,
     },
     /// The checkpoint belongs to another render.
