@@ -651,7 +651,7 @@ mod tests {
         tile.add(1, 0, 1.0, &sample);
         film.merge(&tile).unwrap();
         let developed = film.develop();
-        // Light without a buffer is not lost in silence; an albedo that nobody asked for is not even looked at.
+        // Light without a buffer is counted as unplanned; an albedo without a buffer is not even checked.
         assert_eq!(developed.rejections, Rejections { samples: 0, first: None, unplanned: 1 });
         let names: Vec<&str> = developed.layers.iter().map(|l| l.name).collect();
         assert_eq!(names, ["beauty", "emission", "direct", "specular", "indirect"]);

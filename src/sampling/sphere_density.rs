@@ -161,7 +161,7 @@ mod tests {
 
     fn table() -> (usize, Vec<f32>) {
         let mut values = vec![0.1; 16 * 8];
-        // A strong small source, black places, and something at a pole.
+        // A strong small source, black cells, and a positive value at a pole.
         values[3 * 16 + 15] = 40.0;
         values[4 * 16 + 5] = 0.0;
         values[4 * 16 + 6] = 0.0;

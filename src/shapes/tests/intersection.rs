@@ -271,7 +271,7 @@ fn known_hits() {
     assert!(all(&sphere, [0.0, 1.1, 0.0], [0.0, 0.0, 1.0]).is_empty());
     let cylinder = Cylinder::new(DVec3::ZERO, DVec3::new(0.0, 2.0, 0.0), 1.0).unwrap();
     assert_eq!(all(&cylinder, [-3.0, 1.0, 0.0], [1.0, 0.0, 0.0]), [2.0, 4.0]);
-    // In at the open top, out through the side; along the axis; past the end; exactly at the rim.
+    // Rays that enter at the open top and leave through the side; along the axis; past the end; exactly at the rim.
     assert_eq!(all(&cylinder, [0.0, 3.0, 0.0], [0.5, -1.0, 0.0]), [2.0]);
     assert!(all(&cylinder, [0.5, 3.0, 0.0], [0.0, -1.0, 0.0]).is_empty());
     assert!(all(&cylinder, [-3.0, 2.001, 0.0], [1.0, 0.0, 0.0]).is_empty());

@@ -475,7 +475,7 @@ fn a_flake_of_a_billion_spheres_is_small_and_exact() {
         // Twelve roundings in each generation, and the smallest radius is 2e-5.
         assert!(off < 1e-13 / cos.max(1e-6), "{off}, cos {cos}");
         assert!(direction.dot(point.normal) < 0.0);
-        // A ray that leaves outward from a bound of its own does not meet the same place again.
+        // A ray that starts outside the error bound and points outward does not hit the same point again.
         let away = point.normal.as_vec3();
         let start = (point.position + point.normal * 4e-7).as_vec3();
         let again = flake.intersect(block, &Ray::new(start, away)).unwrap_or(1.0);
