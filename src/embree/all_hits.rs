@@ -1,16 +1,16 @@
-//! Every crossing of a ray with a scene, not only the nearest.
+//! All crossings of a ray with a scene, not only the nearest.
 
 use super::callbacks::UserGeometry;
 use super::scene::RawHit;
 use crate::math::Ray;
 use embree4_sys as sys;
 
-/// Crossings kept of one ray where nothing else is said.
+/// Default number of crossings that are kept per ray.
 const LIMIT: usize = 4096;
 
-/// Room for the crossings of one ray, used again and again.
+/// Reusable buffer for the crossings of one ray.
 ///
-/// Up to [`Self::limit`] crossings are kept, the nearest ones; what is beyond is counted in [`Self::dropped`].
+/// The nearest [`Self::limit`] crossings are kept; [`Self::dropped`] counts the others.
 #[derive(Debug)]
 pub struct AllHits {
     hits: Vec<Numbered>,
@@ -21,7 +21,7 @@ pub struct AllHits {
     dropped: u64,
 }
 
-/// A crossing, and its place among those that its primitive reported in one call.
+/// A crossing, and its number among those that its primitive reported in one call.
 #[derive(Clone, Copy, Debug)]
 struct Numbered {
     hit: RawHit,
@@ -29,8 +29,8 @@ struct Numbered {
 }
 
 impl Numbered {
-    /// Orders by parameter; ties by instance, geometry, primitive and ordinal, so that the order is the same in every
-    /// run. Parameters are positive, so their bits are in the order of their values.
+    /// Sort key: parameter, then instance, geometry, primitive and ordinal, so that the order is the same in every run. Parameters are
+    /// positive, so their bits sort like their values.
     fn key(&self) -> (u32, Option<u32>, u32, u32, u32) {
         let hit = &self.hit;
         (hit.t.to_bits(), hit.instance, hit.geometry, hit.primitive, self.ordinal)
@@ -44,12 +44,12 @@ impl Default for AllHits {
 }
 
 impl AllHits {
-    /// Keeps at most `limit` crossings (at least one) of a ray.
+    /// A buffer for at most `limit` crossings (at least one) of a ray.
     pub fn with_limit(limit: usize) -> Self {
         Self { hits: Vec::new(), sorted: Vec::new(), local: Vec::new(), limit: limit.max(1), dropped: 0 }
     }
 
-    /// Most crossings kept of one ray.
+    /// Most crossings that are kept per ray.
     pub fn limit(&self) -> usize {
         self.limit
     }
@@ -71,7 +71,7 @@ impl AllHits {
         self.dropped = 0;
     }
 
-    /// Takes one crossing. Never panics: without memory the crossing counts as dropped.
+    /// Adds one crossing. It never panics: where there is no memory, the crossing counts as dropped.
     pub(super) fn push(&mut self, hit: RawHit, ordinal: u32) {
         if self.hits.len() >= self.limit.saturating_mul(2) {
             self.shrink();
@@ -83,7 +83,7 @@ impl AllHits {
         self.hits.push(Numbered { hit, ordinal });
     }
 
-    /// Leaves the nearest `limit` crossings.
+    /// Keeps only the nearest `limit` crossings.
     fn shrink(&mut self) {
         if self.hits.len() > self.limit {
             self.hits.select_nth_unstable_by_key(self.limit - 1, Numbered::key);
@@ -92,7 +92,7 @@ impl AllHits {
         }
     }
 
-    /// Puts the crossings in order, each once, whatever was reported twice.
+    /// Sorts the crossings and removes duplicates.
     pub(super) fn finish(&mut self) {
         self.hits.sort_unstable_by_key(Numbered::key);
         self.hits.dedup_by_key(|numbered| numbered.key());
@@ -103,10 +103,10 @@ impl AllHits {
     }
 }
 
-/// What callbacks find behind the context of a query for all crossings.
+/// Query context for all crossings, which callbacks read.
 #[repr(C)]
 pub(super) struct Collection {
-    /// First, as Embree knows this part alone and hands its address to the callbacks.
+    /// The first field, as Embree knows only this part and passes its address to the callbacks.
     pub(super) context: sys::RTCRayQueryContext,
     pub(super) found: *mut AllHits,
 }
@@ -114,12 +114,12 @@ pub(super) struct Collection {
 /// [`sys::RTCRay::id`] of rays whose context is a [`Collection`]; all other rays have zero.
 pub(super) const COLLECTS: u32 = 1;
 
-/// Embree's view of an instance number.
+/// The instance number from Embree's id; `None` for the invalid id.
 pub(super) fn instance_of(id: u32) -> Option<u32> {
     (id != sys::RTC_INVALID_GEOMETRY_ID).then_some(id)
 }
 
-/// Called for each triangle that the ray meets: keeps the crossing and rejects the hit, so that the traversal goes on.
+/// Filter called for each triangle that the ray hits. It keeps the crossing and rejects the hit, so that the traversal continues.
 pub(super) unsafe extern "C" fn collect_triangle(arguments: *const sys::RTCFilterFunctionNArguments) {
     // SAFETY: valid for the call. This filter is an argument of `CommittedScene::intersect_all` alone, which traces
     // single rays, so N is 1, ray and hit have the layouts of `RTCRay` and `RTCHit`, and the context is a `Collection`
@@ -145,7 +145,7 @@ pub(super) unsafe extern "C" fn collect_triangle(arguments: *const sys::RTCFilte
     }
 }
 
-/// Keeps every crossing of one primitive of user geometry.
+/// Adds all crossings of one primitive of user geometry.
 pub(super) fn collect_user(
     geometry: &UserGeometry,
     (id, primitive, instance): (u32, u32, Option<u32>),

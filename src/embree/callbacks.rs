@@ -1,4 +1,4 @@
-//! The functions Embree calls for user geometry, and what they share with it.
+//! Callbacks of Embree for user geometry, and their user data.
 
 use super::Procedural;
 use super::all_hits::{COLLECTS, Collection, collect_user, instance_of};
@@ -10,10 +10,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What a callback finds behind the user pointer of its geometry.
+/// User data of a geometry, which the callbacks read.
 pub(super) struct UserGeometry {
     pub(super) object: Arc<dyn Procedural>,
-    /// Shared with the scene that reports it.
+    /// Panic counter, shared with the scene.
     pub(super) panics: Arc<AtomicU64>,
 }
 
@@ -24,7 +24,7 @@ impl fmt::Debug for UserGeometry {
 }
 
 impl UserGeometry {
-    /// Runs `body`; a panic is counted and answered with `otherwise`.
+    /// Runs `body`. A panic is counted, and the result is then `otherwise`.
     pub(super) fn guarded<T>(&self, otherwise: T, body: impl FnOnce(&dyn Procedural) -> T) -> T {
         catch_unwind(AssertUnwindSafe(|| body(&*self.object))).unwrap_or_else(|_| {
             self.panics.fetch_add(1, Ordering::Relaxed);
@@ -116,7 +116,7 @@ pub(super) unsafe extern "C" fn occluded(arguments: *const sys::RTCOccludedFunct
     let ray = unsafe { &mut *arguments.ray.cast::<sys::RTCRay>() };
     let segment = ray_of(ray);
     if geometry.guarded(false, |object| object.occluded(arguments.primID, &segment)) {
-        // Embree's sign for "blocked".
+        // Embree's convention for an occluded ray.
         ray.tfar = f32::NEG_INFINITY;
     }
 }

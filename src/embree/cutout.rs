@@ -1,4 +1,4 @@
-//! Triangles with holes: rays that meet them where nothing is go on.
+//! Triangles with holes (alpha masks): rays pass through the holes.
 
 use embree4_sys as sys;
 use std::fmt::Debug;
@@ -6,23 +6,23 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How much of a surface is there. Asked while rays are traced, from any thread.
+/// Coverage of a surface. Called while rays are traced, from any thread.
 pub trait Cutout: Debug + Send + Sync {
-    /// Share of the rays, from 0 to 1, that meet triangle `primitive` at the barycentric coordinates `uv` of its second and
-    /// third corner instead of passing.
+    /// Share of rays, from 0 to 1, that hit triangle `primitive` instead of passing through. `uv` are the barycentric coordinates of the
+    /// second and third corner.
     fn coverage(&self, primitive: u32, uv: [f32; 2]) -> f32;
 }
 
-/// What the filter finds behind the user pointer of its geometry.
+/// User data of a geometry with holes, which the filter reads.
 #[derive(Debug)]
 pub(super) struct CutGeometry {
     pub(super) cutout: Arc<dyn Cutout>,
-    /// Shared with the scene that reports it.
+    /// Panic counter, shared with the scene.
     pub(super) panics: Arc<AtomicU64>,
 }
 
-/// A number in `[0, 1)` that is a function of a ray and of what it meets: the same in every run, and as good as independent
-/// for different rays, so that the mean over rays is right wherever a ray comes from (the finalizer of MurmurHash3, by Appleby).
+/// A number in `[0, 1)` from a hash of a ray and the primitive it hits (the finalizer of MurmurHash3, by Appleby). It is the same in every
+/// run and practically independent between rays, so that the mean over rays is correct for any origin of the rays.
 fn number_of(ray: &sys::RTCRay, hit: &sys::RTCHit) -> f32 {
     let parts = [
         ray.org_x.to_bits(),
@@ -43,8 +43,8 @@ fn number_of(ray: &sys::RTCRay, hit: &sys::RTCHit) -> f32 {
     (hash >> 40) as f32 / 16_777_216.0
 }
 
-/// Rejects a hit where the surface has a hole. This crate traces single rays through such scenes; other widths meet the
-/// triangles as if they were whole.
+/// Rejects a hit where the surface has a hole. It handles single rays, which this crate traces in such scenes; for packets, triangles
+/// have no holes.
 pub(super) unsafe extern "C" fn pass_holes(arguments: *const sys::RTCFilterFunctionNArguments) {
     // SAFETY: valid for the call. With N = 1 ray and hit have the layouts of `RTCRay` and `RTCHit`, and the user pointer is
     // the `CutGeometry` set with the geometry, which the scene owns longer than Embree's geometry.
@@ -74,7 +74,7 @@ mod tests {
     use crate::math::Ray;
     use glam::Vec3;
 
-    /// Whole below, half there in the middle, absent above.
+    /// Full coverage below, a quarter in the middle, none above.
     #[derive(Debug)]
     struct Bands;
 
@@ -100,12 +100,12 @@ mod tests {
             let ray = |i: u32| Ray::new(Vec3::new(0.1 + 1e-5 * i as f32, y, 1.0), Vec3::NEG_Z);
             let hits = (0..10_000).filter(|&i| scene.intersect(&ray(i)).is_some()).count();
             let shadows = (0..10_000).filter(|&i| scene.occluded(&ray(i))).count();
-            // The same question gets the same answer.
+            // Both queries give the same result for the same ray.
             assert_eq!(hits, shadows);
             hits
         };
         assert_eq!((met(0.1), met(0.5)), (10_000, 0));
-        // Five standard deviations.
+        // The tolerance is five standard deviations.
         assert!((met(0.3) as f64 - 2500.0).abs() < 5.0 * (10_000f64 * 0.25 * 0.75).sqrt());
     }
 }

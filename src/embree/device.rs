@@ -1,10 +1,12 @@
+//! Embree devices: start, version, instruction set, errors and memory.
+
 use embree4_sys as sys;
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::fmt;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-/// What Embree, or the border around it, refuses.
+/// An error from Embree or from this wrapper.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EmbreeError {
     /// The library at run time is older than 4.3 or than the headers this program was built with.
@@ -15,24 +17,24 @@ pub enum EmbreeError {
     Version {
         /// Version of the library that was loaded.
         found: LibraryVersion,
-        /// Oldest version that will do.
+        /// Oldest supported version.
         needed: LibraryVersion,
     },
-    /// No device could be made.
+    /// No device could be created.
     #[error("Embree could not start: {0}")]
     NoDevice(String),
     /// A call failed.
     #[error("Embree failed to {action}: {message}")]
     Call {
-        /// What was attempted.
+        /// The attempted action.
         action: &'static str,
-        /// Embree's own words.
+        /// Embree's message.
         message: String,
     },
-    /// The environment asks for an instruction set that does not exist or that this machine does not have.
+    /// The environment variable names an instruction set that does not exist or that this machine lacks.
     #[error("CARDIOID_ISA is {0:?}; it must be one of {names} that this machine has, or not be set", names = Isa::names())]
     InstructionSet(String),
-    /// More primitives than a 32-bit index can name.
+    /// There are more primitives than a 32-bit index can address.
     #[error("{0} primitives in one geometry; Embree counts to 4294967294")]
     TooManyPrimitives(usize),
 }
@@ -45,7 +47,7 @@ pub struct LibraryVersion {
 }
 
 impl LibraryVersion {
-    /// From Embree's number `10000 major + 100 minor + patch`.
+    /// The version from Embree's number `10000 major + 100 minor + patch`.
     fn from_number(number: u32) -> Self {
         Self { parts: (number / 10_000, number / 100 % 100, number % 100) }
     }
@@ -58,10 +60,10 @@ impl fmt::Display for LibraryVersion {
     }
 }
 
-/// Instruction set that Embree's kernels use. Kernels of different sets round distances and barycentrics differently.
+/// Instruction set of Embree's kernels. Kernels of different sets round distances and barycentric coordinates differently.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Isa {
-    /// The widest that the machine has: Embree's own choice.
+    /// Embree's own choice: the widest set that the machine has.
     Best,
     /// SSE 4.2.
     Sse42,
@@ -72,10 +74,10 @@ pub enum Isa {
 }
 
 impl Isa {
-    /// Environment variable that holds Embree to one of [`Self::name`], in programs and tests alike.
+    /// Environment variable that restricts Embree to one [`Self::name`], in programs and tests alike.
     pub const VARIABLE: &str = "CARDIOID_ISA";
 
-    /// Embree's own name of it; empty for its own choice.
+    /// Embree's name of the set; empty for Embree's own choice.
     pub fn name(self) -> &'static str {
         match self {
             Self::Best => "",
@@ -110,10 +112,10 @@ impl Isa {
         self == Self::Best
     }
 
-    /// The instruction set of this name, on a machine that has it. Embree itself would run into an illegal instruction.
+    /// The instruction set with this name, if this machine has it. Without the check, Embree would execute an illegal instruction.
     ///
     /// # Errors
-    /// [`EmbreeError::InstructionSet`] for another name, or one that the machine does not have.
+    /// [`EmbreeError::InstructionSet`] for an unknown name or a set that the machine lacks.
     pub fn from_name(name: &str) -> Result<Self, EmbreeError> {
         [Self::Best, Self::Sse42, Self::Avx2, Self::Avx512]
             .into_iter()
@@ -129,25 +131,25 @@ impl Isa {
             .unwrap_or(Self::Best)
     }
 
-    /// What [`Self::VARIABLE`] asks for; [`Self::Best`] where it is empty or not set.
+    /// The instruction set that [`Self::VARIABLE`] names; [`Self::Best`] where it is empty or not set.
     ///
     /// # Errors
-    /// As [`Self::from_name`].
+    /// As for [`Self::from_name`].
     pub fn from_environment() -> Result<Self, EmbreeError> {
         let value = std::env::var_os(Self::VARIABLE).unwrap_or_default();
         Self::from_name(&value.to_string_lossy())
     }
 }
 
-/// Since 4.3 the hit structure has the layout that the bindings expect.
+/// Oldest supported version: since 4.3 the hit structure has the layout of the bindings.
 const OLDEST: u32 = 40_300;
 
 /// An instance of Embree with its own thread pool.
 pub struct Device {
     handle: sys::RTCDevice,
-    /// First error since the last look, written by the callback. Boxed: Embree keeps its address.
+    /// First error since the last check, written by the callback. Boxed, as Embree keeps its address.
     error: Box<Mutex<Option<String>>>,
-    /// Bytes that the library holds, where it was asked to count them. Boxed: Embree keeps its address.
+    /// Bytes that the library holds, where counting is enabled. Boxed, as Embree keeps its address.
     bytes: Option<Box<AtomicI64>>,
     version: LibraryVersion,
 }
@@ -176,7 +178,7 @@ extern "C" fn record_error(slot: *mut c_void, _code: sys::RTCError, message: *co
     first.get_or_insert_with(|| message.to_string_lossy().into_owned());
 }
 
-/// Called by Embree before it takes memory and after it gives some back, from any thread.
+/// Called by Embree before it allocates memory and after it frees memory, from any thread.
 extern "C" fn count_bytes(slot: *mut c_void, bytes: isize, _post: bool) -> bool {
     if !slot.is_null() {
         // SAFETY: the boxed counter of a living device, which outlives the library's use of it.
@@ -186,10 +188,10 @@ extern "C" fn count_bytes(slot: *mut c_void, bytes: isize, _post: bool) -> bool 
 }
 
 impl Device {
-    /// As [`Self::new`], and counts the memory that the library takes ([`Self::memory_bytes`]): for measurements.
+    /// A device as from [`Self::new`] that counts the memory of the library ([`Self::memory_bytes`]), for measurements.
     ///
     /// # Errors
-    /// As [`Self::new`].
+    /// As for [`Self::new`].
     pub fn counting_memory(threads: usize) -> Result<Self, EmbreeError> {
         let mut device = Self::new(threads)?;
         let bytes = Box::new(AtomicI64::new(0));
@@ -200,17 +202,17 @@ impl Device {
         Ok(device)
     }
 
-    /// Bytes that the library holds for the scenes of a device made by [`Self::counting_memory`]; `None` for others. What it
-    /// reads in place is not among them.
+    /// Bytes that the library holds for the scenes of a device from [`Self::counting_memory`]; `None` for other devices. Buffers that it
+    /// reads in place are not included.
     pub fn memory_bytes(&self) -> Option<u64> {
         self.bytes.as_ref().map(|bytes| bytes.load(Ordering::Relaxed).max(0) as u64)
     }
 
-    /// A device that builds with at most `threads` threads; 0 means one for each core. Its kernels are of the instruction set
-    /// that [`Isa::from_environment`] tells.
+    /// A device that builds with at most `threads` threads; 0 means one per core. Its kernels use the instruction set of
+    /// [`Isa::from_environment`].
     ///
     /// # Errors
-    /// Where Embree cannot start, or is too old for the layout of its own structures, or the instruction set is not there.
+    /// If Embree cannot start, if its version is too old for the layouts of the bindings, or if the instruction set is not available.
     pub fn new(threads: usize) -> Result<Self, EmbreeError> {
         let isa = Isa::from_environment()?;
         let choice = if isa == Isa::Best { String::new() } else { format!(",isa={}", isa.name()) };
@@ -255,7 +257,7 @@ impl Device {
         self.handle
     }
 
-    /// Turns an error that Embree recorded since the last call into one of ours.
+    /// Returns an error that Embree recorded since the last call, as [`EmbreeError::Call`].
     pub(super) fn check(&self, action: &'static str) -> Result<(), EmbreeError> {
         let recorded = self.error.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
         match recorded {
@@ -271,7 +273,7 @@ impl Drop for Device {
         // left.
         unsafe {
             sys::rtcSetDeviceErrorFunction(self.handle, None, std::ptr::null_mut());
-            // The counter of memory stays: the box is dropped after this, when the library is done with it.
+            // The memory counter stays set: its box is dropped after the device.
             sys::rtcReleaseDevice(self.handle);
         }
     }

@@ -1,11 +1,11 @@
-//! Embree behind safe Rust: devices, scenes that are immutable once committed, and user geometry.
+//! Safe wrapper around Embree: devices, scenes that are immutable once committed, and user geometry.
 //!
-//! Together with `image_io` the only room with `unsafe` code. What the border guarantees:
+//! This module and `image_io` are the only ones with `unsafe` code. The wrapper guarantees:
 //!
-//! - Handles are released exactly once, after everything that was made from them.
-//! - Buffers that Embree reads in place are owned by the scene that reads them, with the padding it asks for, and
-//!   their indices are checked before Embree sees them.
-//! - A panic in a [`Procedural`] never unwinds into C: the primitive is missed and the panic counted.
+//! - Handles are released exactly once, after everything that was created from them.
+//! - Buffers that Embree reads in place are owned by the scene that reads them and have the required padding. Their
+//!   indices are checked before Embree reads them.
+//! - A panic in a [`Procedural`] never unwinds into C: the panic is counted and the primitive is not hit.
 //! - A committed scene cannot change, so any number of threads may trace rays in it.
 #![allow(unsafe_code, reason = "calls a C library")]
 

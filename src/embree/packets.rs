@@ -1,5 +1,4 @@
-//! Rays in packets of 8 and 16, for comparison with single ones: the renderer traces single rays, which are as fast where
-//! rays are incoherent.
+//! Ray packets of 8 and 16, for comparison with single rays. The renderer traces single rays, which are as fast for incoherent rays.
 
 use super::all_hits::instance_of;
 use super::scene::{CommittedScene, RawHit};
@@ -11,13 +10,13 @@ macro_rules! packet {
         $lanes:literal, $intersect:ident, $occluded:ident, $ray:ident, $hit:ident, $rayhit:ident, $valid:ident,
         $call_intersect:ident, $call_occluded:ident
     ) => {
-        /// Which lanes of a packet hold a ray: -1 or 0, aligned as the library asks for.
+        /// Mask of the lanes of a packet that hold a ray: -1 or 0, with the alignment that the library requires.
         #[repr(align(64))]
         struct $valid([i32; $lanes]);
 
         impl CommittedScene {
-            /// The nearest hit of each ray of a packet, as [`Self::intersect`]. Lanes without a ray are left alone; the
-            /// shorter of the two slices, and at most the packet's width, counts.
+            /// The nearest hit of each ray of a packet, as from [`Self::intersect`]. The shorter of the two slices, and at most the
+            /// packet's width, is used; other results stay unchanged.
             pub fn $intersect(&self, rays: &[Ray], found: &mut [Option<RawHit>]) {
                 let (valid, ray) = $valid::fill(rays);
                 let none = [sys::RTC_INVALID_GEOMETRY_ID; $lanes];
@@ -56,7 +55,7 @@ macro_rules! packet {
                 }
             }
 
-            /// Whether anything lies on each ray of a packet, as [`Self::occluded`]; slices as in the other.
+            /// Whether each ray of a packet is occluded, as from [`Self::occluded`]. Slices are as for the nearest hit.
             pub fn $occluded(&self, rays: &[Ray], found: &mut [bool]) {
                 let (valid, mut ray) = $valid::fill(rays);
                 // SAFETY: as above.
@@ -77,7 +76,7 @@ macro_rules! packet {
                     org_x: zero,
                     org_y: zero,
                     org_z: zero,
-                    // As for single rays.
+                    // The same as for single rays.
                     tnear: [f32::MIN_POSITIVE; $lanes],
                     dir_x: zero,
                     dir_y: zero,

@@ -1,16 +1,18 @@
+//! Procedural objects: user geometry with callbacks for bounds and hits.
+
 use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec3, Vec2, Vec3};
 use std::fmt;
 
-/// An object that Embree meets through callbacks and never as triangles.
+/// An object that Embree intersects through callbacks and never as triangles.
 ///
-/// A new object needs two functions: [`bounds`](Self::bounds), and [`nearest`](Self::nearest), which meets it with a
-/// line and gives the normal there (the two requirements of Jensen & Christensen 1995, section 6). All others have
-/// defaults made of these, to be replaced where an object can do better. `examples/superquadric.rs` is a complete one.
+/// A new object needs two functions: [`bounds`](Self::bounds), and [`nearest`](Self::nearest), which intersects it with a ray and returns
+/// the normal at the hit (the two requirements of Jensen & Christensen 1995, section 6). All other functions have defaults based on these;
+/// an object may override them. `examples/superquadric.rs` is a complete example.
 ///
-/// An object may hold many primitives, each with bounds of its own, which Embree sorts into its hierarchy. Rays
-/// arrive in the object's own space with directions of any length. A panic in any of these functions is caught at the
-/// border, counts as a miss, and is reported by [`crate::embree::CommittedScene::panics`].
+/// An object may have many primitives, each with its own bounds, which Embree sorts into its hierarchy. Rays are in object space and have
+/// directions of any length. A panic in any of these functions is caught before it reaches Embree and counts as a miss;
+/// [`crate::embree::CommittedScene::panics`] reports the number of panics.
 pub trait Procedural: fmt::Debug + Send + Sync {
     /// Number of primitives.
     fn primitive_count(&self) -> u32 {
@@ -20,33 +22,33 @@ pub trait Procedural: fmt::Debug + Send + Sync {
     /// A box that contains the primitive.
     fn bounds(&self, primitive: u32) -> Bounds3;
 
-    /// False where no point of the primitive is in `region`, a box: what tells where surfaces touch. The default goes by
-    /// [`Self::bounds`], and costs rays time where other surfaces are near but do not touch.
+    /// Returns false where no point of the primitive is in the box `region`. The scene uses this to find surfaces that touch. The default
+    /// tests [`Self::bounds`], which costs rays time where other surfaces are near but do not touch.
     fn may_be_in(&self, primitive: u32, region: &Bounds3) -> bool {
         let own = self.bounds(primitive);
         own.min.cmple(region.max).all() && region.min.cmple(own.max).all()
     }
 
-    /// The nearest hit in `(0, ray.t_max]`, or `None`. Both sides of a surface count.
+    /// The nearest hit in `(0, ray.t_max]`, or `None`. Both sides of a surface are hit.
     fn nearest(&self, primitive: u32, ray: &Ray) -> Option<ObjectHit>;
 
-    /// Parameter of [`Self::nearest`], rounded to `f32` and then in `(0, ray.t_max]`.
+    /// Parameter of [`Self::nearest`], rounded to `f32`; `None` where it then lies outside `(0, ray.t_max]`.
     fn intersect(&self, primitive: u32, ray: &Ray) -> Option<f32> {
         let t = self.nearest(primitive, ray)?.t as f32;
         (t > 0.0 && t <= ray.t_max && t < f32::INFINITY).then_some(t)
     }
 
-    /// True where anything is hit in `(0, ray.t_max]`; the nearest hit need not be found.
+    /// Whether anything is hit in `(0, ray.t_max]`; the nearest hit need not be found.
     fn occluded(&self, primitive: u32, ray: &Ray) -> bool {
         self.intersect(primitive, ray).is_some()
     }
 
-    /// All hits in `(0, ray.t_max]`, in any order: what shadow photons and inside/outside tests count.
+    /// Finds all hits in `(0, ray.t_max]`, in any order. Shadow photons and inside/outside tests count them.
     ///
-    /// The default goes on behind each hit, from the next place that `f32` can tell from it; surfaces closer together
-    /// than that count once.
+    /// The default restarts behind each hit, at the next position that `f32` distinguishes from it. Surfaces closer together than that
+    /// count once.
     fn intersect_all(&self, primitive: u32, ray: &Ray, hits: &mut Vec<f32>) {
-        /// Hits of one primitive along one ray; more are not looked for.
+        /// Most hits of one primitive along one ray.
         const MOST: usize = 1 << 16;
         let mut start = 0.0;
         for _ in 0..MOST {
@@ -57,7 +59,7 @@ pub trait Procedural: fmt::Debug + Send + Sync {
                 return;
             }
             hits.push(start + t);
-            // The next origin is rounded by so much across the surface, and along the ray by that over the cosine.
+            // Rounding moves the next origin by `across` perpendicular to the surface, and along the ray by that over the cosine.
             let reach = ray.origin.abs() + (start + t) * ray.direction.abs();
             let across = 4.0 * f32::EPSILON * reach.max_element();
             start = (start + t + across / ray.direction.dot(hit.normal.as_vec3()).abs()).next_up();
@@ -67,15 +69,15 @@ pub trait Procedural: fmt::Debug + Send + Sync {
         }
     }
 
-    /// The surface at parameter `t`, as returned by [`intersect`](Self::intersect) for the same ray. Embree keeps
-    /// only an `f32` parameter; this recomputes the point in `f64`, on the surface, with a bound on what is left.
+    /// The surface point at parameter `t`, as returned by [`intersect`](Self::intersect) for the same ray. Embree keeps only an `f32`
+    /// parameter; this function recomputes the point on the surface in `f64`, with a bound on the remaining error.
     fn refine(&self, primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
-        /// An instance's transform changes a ray by rounding; a hit elsewhere than this, relatively, is another one.
+        /// Relative tolerance of the parameter: the transform of an instance rounds a ray, and a hit further off is another hit.
         const SAME: f64 = 1e-4;
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let rounded = f64::from(t);
         let is_same = |hit: &ObjectHit| (hit.t - rounded).abs() <= SAME * rounded;
-        // One of several hits is asked for again from just before it, from an origin that is rounded.
+        // If the hit is not the nearest one, the ray restarts just before it, from a rounded origin.
         let again = || {
             let start = t * (1.0 - 0.5 * SAME as f32);
             let rest = Ray { origin: ray.at(start), t_max: t * 2.0 * SAME as f32, ..*ray };
@@ -85,7 +87,7 @@ pub trait Procedural: fmt::Debug + Send + Sync {
             Some(ObjectHit { t: f64::from(start) + hit.t, error: hit.error + moved, ..hit })
         };
         let hit = self.nearest(primitive, ray).filter(is_same).or_else(|| again().filter(is_same));
-        // A grazing hit may be gone: then the place Embree found, and as much error as its parameter has.
+        // A grazing hit may be lost: then the point from Embree is used, with the error of its parameter.
         let hit = hit.unwrap_or_else(|| ObjectHit {
             t: rounded,
             normal: unit_f64(-direction).unwrap_or(DVec3::Y),
@@ -98,18 +100,18 @@ pub trait Procedural: fmt::Debug + Send + Sync {
     }
 }
 
-/// Where a line meets an object.
+/// Hit of a ray with an object.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectHit {
     /// Parameter along the ray.
     pub t: f64,
-    /// Geometric normal, unit length, on the outer side of the surface.
+    /// Geometric normal of unit length, on the outer side of the surface.
     pub normal: DVec3,
-    /// Bound on the distance of the point at `t` from the surface, beyond the rounding of that point itself.
+    /// Bound on the distance of the point at `t` from the surface, in addition to the rounding error of that point.
     pub error: f64,
 }
 
-/// A point of a surface, in the object's own space.
+/// A point of a surface, in object space.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
     /// Position on the surface.
@@ -118,29 +120,29 @@ pub struct SurfacePoint {
     pub error: Vec3,
     /// Geometric normal, unit length, on the outer side of the surface.
     pub normal: DVec3,
-    /// Smoothed normal, unit length, on the same side as `normal`; equal to it where nothing is smoothed.
+    /// Shading normal of unit length, on the same side as `normal`, and equal to it without smoothing.
     pub shading_normal: DVec3,
     /// Surface parameters in `[0, 1]^2`.
     pub uv: Vec2,
-    /// Which of the object's parts, each of which may have a material of its own; 0 where there is but one.
+    /// Index of the part of the object; each part may have its own material. 0 where there is only one part.
     pub part: u32,
-    /// The edge that the point is next to; `None` far from edges.
+    /// The nearby edge; `None` far from edges.
     pub edge: Option<NearEdge>,
 }
 
-/// An edge near a point of a surface, in the object's own space.
+/// An edge near a point of a surface, in object space.
 #[derive(Clone, Copy, Debug)]
 pub struct NearEdge {
-    /// Distance of what meets the surface there, or of where the surface ends.
+    /// Distance to the adjoining surface, or to the boundary of the surface.
     pub distance: f64,
-    /// What the object measures across near the edge.
+    /// Extent of the object near the edge.
     pub extent: f64,
-    /// A point of what meets the surface there, next to the edge, and its unit normal; zero where the surface ends.
+    /// A point of the adjoining surface next to the edge, and its unit normal; zero at a boundary.
     pub other: (DVec3, DVec3),
 }
 
 impl SurfacePoint {
-    /// A point of an object of one part, without smoothing.
+    /// A point of an object with one part, without smoothing.
     pub fn new(position: DVec3, error: Vec3, normal: DVec3, uv: Vec2) -> Self {
         Self { position, error, normal, shading_normal: normal, uv, part: 0, edge: None }
     }
@@ -151,7 +153,7 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream};
 
-    /// A unit ball by the two functions alone.
+    /// A unit ball with the two required functions only.
     #[derive(Debug)]
     struct Ball;
 
@@ -181,7 +183,7 @@ mod tests {
             let mut hits = Vec::new();
             Ball.intersect_all(0, &ray, &mut hits);
             let inside = origin.length() < 1.0;
-            // A line that barely touches may have both hits at one place.
+            // A tangent ray may have both hits at one point.
             let chord = (1.0 - f64::from(origin.cross(ray.direction.normalize()).length_squared())).max(0.0);
             assert!(
                 chord < 1e-5 || hits.is_empty() || hits.len() == if inside { 1 } else { 2 },

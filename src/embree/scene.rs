@@ -1,3 +1,5 @@
+//! Embree scenes: construction, commit and ray queries.
+
 use super::all_hits::{AllHits, COLLECTS, Collection, collect_triangle, instance_of};
 use super::callbacks::{self, UserGeometry};
 use super::cutout::{self, CutGeometry, Cutout};
@@ -11,17 +13,17 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Number of a geometry in its scene: counts from 0 in the order of the calls that added it.
+/// Number of a geometry in its scene, from 0 in the order in which geometries were added.
 pub type GeometryId = u32;
 
 /// A hit as Embree reports it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RawHit {
-    /// Geometry in the scene that was asked, or in the instanced scene where `instance` is set.
+    /// Geometry in the queried scene, or in the instanced scene where `instance` is set.
     pub geometry: GeometryId,
     /// Primitive in that geometry.
     pub primitive: u32,
-    /// The instance's own geometry number in the scene that was asked.
+    /// Geometry number of the instance in the queried scene; `None` for a direct hit.
     pub instance: Option<GeometryId>,
     /// Barycentric coordinates of the second and third corner; zero for user geometry.
     pub uv: [f32; 2],
@@ -29,7 +31,7 @@ pub struct RawHit {
     pub t: f32,
 }
 
-/// What keeps the memory alive that Embree reads while it traces. Held, never read.
+/// Owner of memory that Embree reads while it traces. The value is kept alive and never read.
 #[derive(Debug)]
 #[allow(dead_code, reason = "owned on behalf of Embree")]
 enum Resource {
@@ -49,7 +51,7 @@ impl Drop for Handle {
     }
 }
 
-/// Who follows a build.
+/// Progress callback of a build.
 struct Watch<'a>(&'a (dyn Fn(f64) -> bool + Sync));
 
 /// Called by Embree while it builds, from any thread.
@@ -57,15 +59,15 @@ extern "C" fn report_progress(watch: *mut c_void, share: f64) -> bool {
     if watch.is_null() {
         return true;
     }
-    // SAFETY: the local of `commit_watched`, which waits for the build.
+    // SAFETY: the pointer is to the local of `commit_watched`, which waits for the build.
     let watch = unsafe { &*watch.cast::<Watch<'_>>() };
-    // Nothing may unwind into the library.
+    // A panic must not unwind into the library.
     std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| (watch.0)(share))).unwrap_or(true)
 }
 
 /// A scene under construction.
 pub struct SceneBuilder {
-    // Dropped first: Embree's geometries go before the memory they read.
+    // Dropped first: Embree's geometries are released before the memory that they read.
     handle: Handle,
     resources: Vec<Resource>,
     panics: Arc<AtomicU64>,
@@ -80,18 +82,18 @@ impl fmt::Debug for SceneBuilder {
 }
 
 impl SceneBuilder {
-    /// An empty scene whose rays do not pass between triangles that share an edge (Embree's robust flag).
+    /// An empty scene in which rays do not pass between triangles that share an edge (Embree's robust flag).
     ///
     /// # Errors
-    /// Where Embree has no memory for it.
+    /// If Embree runs out of memory.
     pub fn new(device: &Arc<Device>) -> Result<Self, EmbreeError> {
         Self::with_robust(device, true)
     }
 
-    /// As [`Self::new`], with the robust flag chosen: off only for benchmarks.
+    /// An empty scene as from [`Self::new`], with or without the robust flag. Benchmarks alone switch it off.
     ///
     /// # Errors
-    /// Where Embree has no memory for it.
+    /// If Embree runs out of memory.
     pub fn with_robust(device: &Arc<Device>, robust: bool) -> Result<Self, EmbreeError> {
         // SAFETY: a valid device.
         let handle = unsafe { sys::rtcNewScene(device.handle()) };
@@ -104,20 +106,20 @@ impl SceneBuilder {
         Ok(Self { handle, resources: Vec::new(), panics: Arc::default(), device: Arc::clone(device), robust })
     }
 
-    /// Adds triangles, read in place.
+    /// Adds triangles, which Embree reads in place.
     ///
     /// # Errors
-    /// Where Embree refuses the buffers or has no memory.
+    /// If Embree refuses the buffers or runs out of memory.
     pub fn add_triangles(&mut self, buffers: TriangleBuffers) -> Result<GeometryId, EmbreeError> {
         let action = "add triangles";
         let geometry = self.new_triangles(&buffers, action)?;
         self.attach(geometry, Resource::Triangles(buffers), action)
     }
 
-    /// Adds triangles, read in place, through whose holes rays pass: see [`Cutout`].
+    /// Adds triangles with holes (see [`Cutout`]), which Embree reads in place.
     ///
     /// # Errors
-    /// As [`Self::add_triangles`].
+    /// As for [`Self::add_triangles`].
     pub fn add_cut_triangles(
         &mut self,
         buffers: TriangleBuffers,
@@ -173,7 +175,7 @@ impl SceneBuilder {
     /// Adds user geometry.
     ///
     /// # Errors
-    /// Where Embree has no memory.
+    /// If Embree runs out of memory.
     pub fn add_procedural(&mut self, object: Arc<dyn Procedural>) -> Result<GeometryId, EmbreeError> {
         let action = "add a procedural object";
         let count = object.primitive_count();
@@ -192,10 +194,10 @@ impl SceneBuilder {
         self.attach(geometry, Resource::User(user), action)
     }
 
-    /// Adds a placement of another scene. Embree follows one level of instances: `scene` must hold none itself.
+    /// Adds an instance of another scene. Embree follows one level of instances, so `scene` must not contain instances.
     ///
     /// # Errors
-    /// Where Embree has no memory.
+    /// If Embree runs out of memory.
     pub fn add_instance(
         &mut self,
         scene: &Arc<CommittedScene>,
@@ -220,17 +222,18 @@ impl SceneBuilder {
     /// Builds the hierarchies.
     ///
     /// # Errors
-    /// Where Embree runs out of memory.
+    /// If Embree runs out of memory.
     pub fn commit(self) -> Result<CommittedScene, EmbreeError> {
         // SAFETY: a valid scene that only this builder knows.
         unsafe { sys::rtcCommitScene(self.handle.0) };
         self.committed()
     }
 
-    /// [`Self::commit`], which tells `progress` again and again, from any thread, what share is built; false stops it.
+    /// Builds the hierarchies as [`Self::commit`] does, and repeatedly reports the share that is built to `progress`, from any thread. The
+    /// build stops where `progress` returns false.
     ///
     /// # Errors
-    /// Where Embree runs out of memory, or was stopped.
+    /// If Embree runs out of memory or was stopped.
     pub fn commit_watched(
         self,
         progress: &(dyn Fn(f64) -> bool + Sync),
@@ -264,7 +267,7 @@ impl SceneBuilder {
         Ok(geometry)
     }
 
-    /// Commits, attaches and lets go of `geometry`; the scene then holds the only reference.
+    /// Commits, attaches and releases `geometry`; the scene then holds the only reference.
     fn attach(
         &mut self,
         geometry: sys::RTCGeometry,
@@ -272,7 +275,7 @@ impl SceneBuilder {
         action: &'static str,
     ) -> Result<GeometryId, EmbreeError> {
         let id = self.resources.len() as u32;
-        // Pushed first, so that the memory outlives the geometry even where attaching fails.
+        // Pushed first, so that the memory outlives the geometry even if attaching fails.
         self.resources.push(resource);
         // SAFETY: a valid geometry of the same device; the reference from `rtcNewGeometry` is given back after the
         // scene has taken its own.
@@ -331,12 +334,11 @@ impl CommittedScene {
         })
     }
 
-    /// Every crossing in `(0, ray.t_max]`, each primitive's own, left sorted in `found`. A ray through an edge that
-    /// triangles share may cross each of them. A ray with NaN crosses nothing.
+    /// Finds all crossings in `(0, ray.t_max]` of every primitive, and stores them sorted in `found`. A ray through an edge that triangles
+    /// share may cross each of them. A ray with NaN crosses nothing.
     ///
-    /// By a filter that rejects every hit, so that one traversal meets them all: a ray that starts anew behind each hit
-    /// would lose crossings at equal parameters. User geometry reports its crossings itself
-    /// ([`Procedural::intersect_all`]).
+    /// A filter rejects every hit, so that one traversal visits all of them. A ray that restarted behind each hit would lose crossings at
+    /// equal parameters. User geometry reports its own crossings ([`Procedural::intersect_all`]).
     pub fn intersect_all(&self, ray: &Ray, found: &mut AllHits) {
         found.clear();
         let mut query = sys::RTCRayHit { ray: sys::RTCRay { id: COLLECTS, ..ray_of(ray) }, hit: NO_HIT };
@@ -361,7 +363,7 @@ impl CommittedScene {
         found.finish();
     }
 
-    /// Whether [`Self::intersect_all`] finds triangles: only if Embree was built with filter functions, as by default.
+    /// Whether [`Self::intersect_all`] finds triangles. It does if Embree was built with filter functions, which is the default.
     pub fn finds_all_crossings(&self) -> bool {
         self.device.has_filters()
     }
@@ -375,7 +377,7 @@ impl CommittedScene {
         query.tfar < 0.0
     }
 
-    /// Panics caught in user geometry so far; each was answered with a miss.
+    /// Number of panics caught in user geometry so far; each counted as a miss.
     pub fn panics(&self) -> u64 {
         self.panics.load(Ordering::Relaxed)
             + self
@@ -416,8 +418,8 @@ fn ray_of(ray: &Ray) -> sys::RTCRay {
         org_x: ray.origin.x,
         org_y: ray.origin.y,
         org_z: ray.origin.z,
-        // Not zero: Embree's robust test accepts `t = tnear`, and a ray that starts exactly in an axis-aligned plane
-        // through the origin has `t = 0` without any rounding.
+        // Not zero: Embree's robust test accepts `t = tnear`, and a ray that starts exactly in an axis-aligned plane through the origin
+        // hits that plane at exactly `t = 0`.
         tnear: f32::MIN_POSITIVE,
         dir_x: ray.direction.x,
         dir_y: ray.direction.y,
@@ -499,7 +501,7 @@ mod tests {
         drop(inner);
 
         let down = |x: f32, z: f32| Ray::new(Vec3::new(x, 0.25, z), Vec3::NEG_Z);
-        // Embree rounds differently for each instruction set; a few roundoffs of the coordinates are what it may differ by.
+        // Embree rounds differently for each instruction set; the tolerance is a few roundoffs of the coordinates.
         let is_about = |a: f32, b: f32, scale: f32| (a - b).abs() <= 8.0 * f32::EPSILON * scale;
         let hit = scene.intersect(&down(10.25, 7.0)).unwrap();
         assert_eq!((hit.geometry, hit.instance), (0, Some(1)));

@@ -1,10 +1,12 @@
+//! Triangle buffers that Embree and the renderer share.
+
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Why a triangle buffer was refused.
+/// An error of creating triangle buffers.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TriangleError {
-    /// A corner that is not there.
+    /// A triangle refers to a vertex that does not exist.
     #[error("triangle {triangle} refers to vertex {index}, but there are only {vertices}")]
     IndexOutOfRange {
         /// Number of the triangle, from 0.
@@ -14,7 +16,7 @@ pub enum TriangleError {
         /// Number of vertices.
         vertices: usize,
     },
-    /// More than 32 bits can count.
+    /// There are more vertices or triangles than Embree can index with 32 bits.
     #[error("{0} vertices or triangles in one mesh; Embree counts to 4294967294")]
     TooMany(usize),
 }
@@ -22,16 +24,16 @@ pub enum TriangleError {
 /// Vertex positions and corner indices that Embree and the renderer read in place. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct TriangleBuffers {
-    // Behind an `Arc` of a `Vec`, as a conversion to `Arc<[T]>` would copy gigabytes.
+    // An `Arc` of a `Vec`, as the conversion to `Arc<[T]>` would copy gigabytes.
     positions: Arc<Vec<[f32; 3]>>,
     triangles: Arc<Vec<[u32; 3]>>,
 }
 
 impl TriangleBuffers {
-    /// Takes over both buffers. Every index is checked here, once, as Embree does not.
+    /// Takes ownership of both buffers. Every index is checked here, as Embree does not check them.
     ///
     /// # Errors
-    /// Where an index is out of range or there are more elements than Embree can count.
+    /// If an index is out of range or there are more elements than Embree can index.
     pub fn new(mut positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, TriangleError> {
         let vertices = positions.len();
         if let Some(count) = [vertices, triangles.len()].into_iter().find(|&n| n >= u32::MAX as usize) {
@@ -42,7 +44,7 @@ impl TriangleBuffers {
         if let Some((triangle, index)) = first.and_then(|i| Some((i, wrong(&triangles[i])?))) {
             return Err(TriangleError::IndexOutOfRange { triangle, index, vertices });
         }
-        // Embree loads 16 bytes at the last vertex.
+        // Embree loads 16 bytes at the last vertex, so the buffer is padded.
         positions.push([0.0; 3]);
         Ok(Self { positions: Arc::new(positions), triangles: Arc::new(triangles) })
     }
@@ -60,12 +62,12 @@ impl TriangleBuffers {
     /// Positions of the three corners of triangle `index`.
     #[inline(always)]
     pub fn corners(&self, index: u32) -> [[f32; 3]; 3] {
-        // Spelled out: a closure over arrays goes through memory, and each hit waits for it.
+        // Written out, as a closure over arrays would go through memory and delay each hit.
         let [a, b, c] = self.triangles[index as usize];
         [self.positions[a as usize], self.positions[b as usize], self.positions[c as usize]]
     }
 
-    /// Bytes held.
+    /// Bytes of memory.
     pub fn memory_bytes(&self) -> usize {
         size_of_val(self.positions.as_slice()) + size_of_val(self.triangles.as_slice())
     }
@@ -79,7 +81,7 @@ mod tests {
     fn indices_are_checked() {
         let error = TriangleBuffers::new(vec![[0.0; 3]; 3], vec![[0, 1, 2], [0, 1, 3]]).unwrap_err();
         assert_eq!(error, TriangleError::IndexOutOfRange { triangle: 1, index: 3, vertices: 3 });
-        // The padding is no vertex.
+        // The padding does not count as a vertex.
         let buffers = TriangleBuffers::new(vec![[0.0; 3]; 3], vec![[0, 1, 2]]).unwrap();
         assert_eq!(buffers.positions().len(), 3);
     }

@@ -1,19 +1,19 @@
-//! What a file is that is not what it is taken for: by its first bytes, and where these say nothing by its name.
+//! Detection of files of an unexpected kind, by their first bytes or, where these do not decide, by their name.
 
 use super::text::wide;
 use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
-/// Bytes at the start of a file that are looked at.
+/// Bytes at the start of a file that are examined.
 const HEAD: u64 = 4096;
 
-/// A kind of file that is not read where it was named.
+/// A kind of file that cannot be read as a scene or a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForeignFile {
-    /// What it is, with an article.
+    /// Name of the kind, with an article.
     pub what: &'static str,
-    /// What to do.
+    /// Remedy for the user.
     pub remedy: &'static str,
 }
 
@@ -35,7 +35,7 @@ const CAD: &str =
 const MESH: &str = "convert the mesh to PLY, OBJ, STL or glTF (Blender and MeshLab do)";
 const RENAME: &str = "give its name the ending of its kind (.ply, .obj, .stl, .glb or .gltf)";
 
-/// First bytes, from an offset, that only one kind of file has.
+/// Magic bytes at an offset that identify one kind of file: offset, bytes, name, remedy.
 const BY_CONTENT: &[(usize, &[u8], &str, &str)] = &[
     (0, b"Kaydara FBX Binary", "an FBX file", TO_GLTF),
     (0, b"; FBX", "an FBX file (text)", TO_GLTF),
@@ -76,7 +76,7 @@ const BY_CONTENT: &[(usize, &[u8], &str, &str)] = &[
     (0, b"\x7fELF", "a program", "name a scene (TOML), a glTF file or a mesh (PLY, OBJ, STL)"),
 ];
 
-/// Words near the start of a text that only one kind of file has.
+/// Words near the start of a text that identify one kind of file: word, name, remedy.
 const BY_WORD: &[(&[u8], &str, &str)] = &[
     (b"<COLLADA", "a COLLADA file", TO_GLTF),
     (b"<X3D", "an X3D file", MESH),
@@ -90,7 +90,7 @@ const BY_WORD: &[(&[u8], &str, &str)] = &[
     (b"newmtl ", "a file of materials (MTL)", "name the OBJ that it belongs to"),
 ];
 
-/// Endings of names. Compressed files and archives come last, and by what is in them first.
+/// File name extensions: extension, name, remedy. General compressed files and archives come last.
 const BY_NAME: &[(&str, &str, &str)] = &[
     ("fbx", "an FBX file", TO_GLTF),
     ("usdz", "a USD archive", TO_GLTF),
@@ -151,7 +151,7 @@ const BY_NAME: &[(&str, &str, &str)] = &[
     ("zip", "a ZIP archive", UNPACK),
 ];
 
-/// What compressed files and archives hold by their names: more than their first bytes say.
+/// Extensions of compressed files and archives that are more specific than their first bytes.
 const NAMED_ARCHIVES: [&str; 4] = ["usdz", "3mf", "blend", "spz"];
 
 fn by_name(path: &Path) -> Option<ForeignFile> {
@@ -160,11 +160,11 @@ fn by_name(path: &Path) -> Option<ForeignFile> {
     found.map(|&(_, what, remedy)| ForeignFile { what, remedy })
 }
 
-/// What a file is that begins with `head`, as far as its first bytes tell; `path` makes out archives that have names of their
-/// own. Texts of scenes, MTL and IES files are none of these.
+/// The kind of a file that begins with `head`, as far as its first bytes identify it; `path` distinguishes archives with extensions of
+/// their own. Text formats such as scenes, MTL and IES files are not detected here.
 pub fn foreign_by_content(path: &Path, head: &[u8]) -> Option<ForeignFile> {
     if let Some(text) = wide(head) {
-        // "is ...: ..." in two parts.
+        // The message has the form "is ...: ..." and is split at the colon.
         let (what, remedy) = text.split_once(": ").unwrap_or((text, "save it as UTF-8"));
         return Some(ForeignFile { what: what.trim_start_matches("is "), remedy });
     }
@@ -182,8 +182,8 @@ pub fn foreign_by_content(path: &Path, head: &[u8]) -> Option<ForeignFile> {
     }
 }
 
-/// What a file is that is none of those that are read as a scene or a mesh: by its first bytes, then its name, then whether it is text
-/// at all. `None` where it may be text that is only wrong, or cannot be read.
+/// The kind of a file that cannot be read as a scene or a mesh: by its first bytes, then by words in it, then by its name, then by whether
+/// it is text. `None` where it may be a text with errors, or cannot be opened.
 pub fn foreign_file(path: &Path) -> Option<ForeignFile> {
     let mut head = Vec::new();
     let (file, _) = super::open_regular(path).ok()?;
@@ -197,7 +197,7 @@ pub fn foreign_file(path: &Path) -> Option<ForeignFile> {
     }
     by_name(path).or_else(|| {
         let remedy = "name a scene (TOML text), a glTF file (.glb, .gltf) or a mesh (.ply, .obj, .stl)";
-        // Texts have no zeros.
+        // Texts contain no zero bytes.
         head.contains(&0).then_some(ForeignFile { what: "a binary file of no known kind", remedy })
     })
 }

@@ -1,7 +1,7 @@
-//! Files that are read: only regular ones, what kind of file one is, and texts of whatever line ends and byte-order mark.
+//! Input files: opening of regular files, detection of file kinds, and texts with any line ends and byte-order mark.
 //!
-//! Every file that a command line or another file names is opened by [`open_regular`] or read by [`read_regular`], so that a
-//! pipe, a device or a folder is an error at once, and never a wait without end.
+//! Every file that a command line or another file names is opened by [`open_regular`] or read by [`read_regular`]. So a pipe, a device or
+//! a folder is an immediate error, and no read waits without end.
 
 mod kind;
 mod regular;

@@ -5,7 +5,7 @@ use std::io::{self, Read};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-/// What is not a regular file, in words.
+/// Name of a kind of file that is not regular.
 fn odd_kind(kind: FileType) -> &'static str {
     if kind.is_dir() {
         "a folder"
@@ -29,16 +29,16 @@ fn check(metadata: &Metadata) -> io::Result<()> {
     Err(io::Error::new(error, message))
 }
 
-/// Opens a regular file to read, and yields its length in bytes. Waits for nobody: a pipe without a writer is refused like any
-/// other thing that is no regular file.
+/// Opens a regular file for reading and returns its length in bytes. It never blocks: a pipe without a writer is refused like any other
+/// file that is not regular.
 ///
 /// # Errors
-/// What the system says, or that it is no regular file.
+/// If the system reports an error, or if the file is not regular.
 pub fn open_regular(path: impl AsRef<Path>) -> io::Result<(File, u64)> {
     let path = path.as_ref();
-    // Before it is opened, as opening a device may do something.
+    // The check comes first, as opening a device may have side effects.
     check(&std::fs::metadata(path)?)?;
-    // It may have been replaced since then.
+    // The file may have been replaced since the check, so it is opened without blocking and checked again.
     let file =
         OpenOptions::new().read(true).custom_flags(rustix::fs::OFlags::NONBLOCK.bits() as i32).open(path)?;
     let metadata = file.metadata()?;
@@ -46,10 +46,10 @@ pub fn open_regular(path: impl AsRef<Path>) -> io::Result<(File, u64)> {
     Ok((file, metadata.len()))
 }
 
-/// The bytes of a regular file of at most `limit` bytes.
+/// Reads a regular file of at most `limit` bytes.
 ///
 /// # Errors
-/// As [`open_regular`], and where the file is longer than `limit` or than it said when it was opened.
+/// As for [`open_regular`], and if the file is longer than `limit` or than its length when it was opened.
 pub fn read_regular(path: impl AsRef<Path>, limit: u64) -> io::Result<Vec<u8>> {
     let (file, length) = open_regular(path)?;
     if length > limit {
@@ -58,7 +58,7 @@ pub fn read_regular(path: impl AsRef<Path>, limit: u64) -> io::Result<Vec<u8>> {
     }
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(length as usize)?;
-    // Files of the system itself may go on for ever, whatever length they say.
+    // System files may be endless, whatever length they report.
     file.take(length + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > length {
         let message = format!("it has more than the {length} bytes it had when it was opened");
@@ -104,7 +104,7 @@ mod tests {
         // A sparse file takes no disk; it must not take memory.
         File::create(&path).unwrap().set_len(1 << 40).unwrap();
         assert!(read_regular(&path, 1 << 20).is_err());
-        // Regular by its kind, of no length, and yet not empty.
+        // This file is regular and has a length of zero, but is not empty.
         assert!(read_regular("/proc/self/status", 1 << 20).is_err());
     }
 }

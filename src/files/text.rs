@@ -1,22 +1,22 @@
-//! Texts as programs of all systems write them.
+//! Normalization of texts from all systems: byte-order marks, line ends, and detection of UTF-16 and UTF-32.
 
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// What some programs write before a text in UTF-8.
+/// The byte-order mark that some programs write before a text in UTF-8.
 pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Bytes that a thread looks at.
+/// Bytes per parallel task.
 const PIECE: usize = 1 << 20;
 
-/// Bytes at the start of a text without a mark that show whether it is of two bytes a character.
+/// Bytes at the start of a text without a mark that are examined for UTF-16.
 const START: usize = 64;
 
-/// The bytes of a text with lines that end in a line feed, perhaps after a carriage return: without a byte-order mark, and with a line
-/// feed for each carriage return that has none. Copied only where there are such.
+/// The bytes of a text whose lines end in a line feed, possibly after a carriage return. A byte-order mark is removed, and each carriage
+/// return without a line feed becomes a line feed. The text is copied only where it has such a carriage return.
 ///
 /// # Errors
-/// For text of two or four bytes a character: what it is and what to do.
+/// If the text has two or four bytes per character. The error names the encoding and a remedy.
 pub fn text_of(bytes: &[u8]) -> Result<Cow<'_, [u8]>, &'static str> {
     if let Some(encoding) = wide(bytes) {
         return Err(encoding);
@@ -33,7 +33,7 @@ pub fn text_of(bytes: &[u8]) -> Result<Cow<'_, [u8]>, &'static str> {
     Ok(Cow::Owned((0..text.len()).into_par_iter().map(ended).collect()))
 }
 
-/// What a text of more than one byte a character is, and what to do about it.
+/// Message for a text in UTF-16 or UTF-32, with a remedy; `None` for other texts.
 pub(super) fn wide(bytes: &[u8]) -> Option<&'static str> {
     const UTF16: &str =
         "is text in UTF-16, and texts are read in UTF-8: save it as UTF-8 (`iconv -f UTF-16 -t UTF-8`)";
@@ -45,7 +45,7 @@ pub(super) fn wide(bytes: &[u8]) -> Option<&'static str> {
     if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
         return Some(UTF16);
     }
-    // Without a mark: letters of ASCII and zeros in turn.
+    // Without a mark, UTF-16 shows as alternating ASCII characters and zeros.
     let start = &bytes[..bytes.len().min(START) / 2 * 2];
     let of_pairs = |zero: usize| {
         start.len() >= 8
@@ -72,7 +72,7 @@ mod tests {
             assert_eq!(&*text_of(bytes).unwrap(), text);
         }
         assert!(matches!(text_of(b"a\r\nb\r\n"), Ok(Cow::Borrowed(_))));
-        // A pair across the border of two pieces is a pair.
+        // A carriage return and line feed that two pieces share are still a pair.
         let mut long = vec![b'x'; PIECE - 1];
         long.extend(b"\r\ny");
         assert!(matches!(text_of(&long), Ok(Cow::Borrowed(_))));

@@ -1,3 +1,5 @@
+//! Film and tiles: sums over the samples of each pixel, and their means.
+
 mod state;
 
 use super::{AOVS, Aov, LayerSet, PixelRect};
@@ -6,7 +8,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
-/// What one camera sample brings to its pixel.
+/// The contribution of one camera sample to its pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PixelSample {
     /// Radiance of each part, W/(m^2 sr), in the order of [`AOVS`].
@@ -21,13 +23,13 @@ pub struct PixelSample {
     pub object_id: Option<u32>,
     /// Number of the material, below 2^24.
     pub material_id: Option<u32>,
-    /// Estimate of by how much the expectation of the sum of [`Self::radiance`] exceeds the true radiance; zero where none is
-    /// made.
+    /// Estimate of the bias: the excess of the expectation of the sum of [`Self::radiance`] over the true radiance. Zero where there is
+    /// no estimate.
     pub bias: Rgb,
 }
 
 impl Default for PixelSample {
-    /// A ray that meets nothing and brings no light.
+    /// The sample of a ray that hits nothing and carries no light.
     fn default() -> Self {
         Self {
             radiance: [Rgb::ZERO; 5],
@@ -42,13 +44,13 @@ impl Default for PixelSample {
 }
 
 impl PixelSample {
-    /// Adds radiance to one part.
+    /// Adds `radiance` to one part.
     pub fn add(&mut self, aov: Aov, radiance: Rgb) {
         self.radiance[aov as usize] += radiance;
     }
 }
 
-/// Why a film cannot be made, or a tile not be merged.
+/// An error of creating a film or of merging a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum FilmError {
     /// A picture without pixels.
@@ -72,7 +74,7 @@ pub enum FilmError {
         /// Pixels down.
         height: u32,
     },
-    /// More than the machine gives.
+    /// The machine does not have enough memory.
     #[error("no memory for a picture of {width} x {height} pixels; render it in crop windows")]
     Memory {
         /// Pixels across.
@@ -80,19 +82,19 @@ pub enum FilmError {
         /// Pixels down.
         height: u32,
     },
-    /// A tile of another film.
+    /// The tile belongs to another film.
     #[error("a tile does not belong to this film: its pixels or its layers are others")]
     Foreign,
 }
 
-/// What was not added, and why: nothing is dropped in silence.
+/// Samples that were not added, with the reason for the first. No sample is dropped silently.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rejections {
     /// Samples left out because a value was NaN or infinite, or the pixel is not in the tile.
     pub samples: u64,
-    /// Pixel and layer of the first of them.
+    /// Pixel of the first of them, and the layer or reason.
     pub first: Option<(u32, u32, &'static str)>,
-    /// Samples that brought light to a part that the film has no buffer for; the rest of them was added.
+    /// Samples with light in a part for which the film has no buffer. Their other parts were added.
     pub unplanned: u64,
 }
 
@@ -104,8 +106,8 @@ impl Rejections {
     }
 }
 
-/// The majority among the numbers seen, in constant space (Boyer & Moore, "MJRTY: A Fast Majority Vote Algorithm",
-/// 1981): the number that more than half of the samples have; where there is none, one that occurred.
+/// Majority vote over numbers, in constant space (Boyer & Moore, "MJRTY: A Fast Majority Vote Algorithm", 1981). The candidate is the
+/// number that more than half of the samples have; without a majority it is one of the numbers that occurred.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Vote {
     candidate: Option<u32>,
@@ -136,14 +138,14 @@ impl Vote {
     }
 }
 
-/// Where each layer's sums lie within those of a pixel.
+/// Offset of each layer's sums within those of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Layout {
     set: LayerSet,
     aovs: [usize; 5],
     albedo: usize,
     normal: usize,
-    /// Sum of distances, then number of samples that have one.
+    /// Offset of the sum of distances; the number of samples with a distance follows.
     depth: usize,
     bias: usize,
     stride: usize,
@@ -165,7 +167,7 @@ impl Layout {
         Self { set, aovs, albedo, normal, depth, bias, stride }
     }
 
-    /// Name of the first layer in which `sample` has something that must not enter a sum.
+    /// Name of the first layer in which `sample` has a value that must not enter a sum.
     fn refuse(&self, sample: &PixelSample) -> Option<&'static str> {
         let bad_aov = AOVS.into_iter().find(|&aov| !sample.radiance[aov as usize].is_finite());
         let depth_is_bad = sample.depth.is_nan() || sample.depth == f32::NEG_INFINITY;
@@ -300,29 +302,29 @@ impl Sums {
     }
 }
 
-/// A rectangle of a film with sums of its own, which one thread fills.
+/// A rectangle of a film with its own sums, filled by one thread.
 #[derive(Clone, Debug)]
 pub struct Tile(Sums);
 
 impl Tile {
-    /// Its pixels, in those of the whole picture.
+    /// Its pixels, in coordinates of the whole picture.
     pub fn rect(&self) -> PixelRect {
         self.0.rect
     }
 
     /// Adds a sample to the pixel `(x, y)` of the picture, with the weight of its [`super::FilterSample`]. A sample
-    /// that is not finite, or not in this tile, is counted and left out.
+    /// that is not finite or lies outside this tile is left out and counted as rejected.
     pub fn add(&mut self, x: u32, y: u32, weight: f32, sample: &PixelSample) {
         self.0.add(x, y, weight, sample);
     }
 }
 
-/// All pixels of a picture, or of a crop window of it: sums in `f64`, row 0 on top.
+/// All pixels of a picture, or of a crop window of it: sums in `f64`, row 0 at the top.
 ///
-/// The mean of a pixel is the sum over the weights' sum. With positive filters all weights are 1 and this is the
-/// plain mean. With Mitchell's filter it is the lesser evil: dividing by the count would be unbiased but make
-/// a constant picture noisy. Where negative weights cancel more than half of the samples, the count divides after
-/// all, so that nothing is blown up.
+/// The mean of a pixel is its sum divided by the sum of weights. With positive filters all weights are 1 and this is the plain mean.
+/// With Mitchell's filter this is slightly biased, but division by the number of samples would make a constant picture noisy. Where
+/// negative weights cancel more than half of the samples, the sum is divided by the number of samples, so that no value grows without
+/// bound.
 #[derive(Clone, Debug)]
 pub struct Film {
     width: u32,
@@ -331,7 +333,7 @@ pub struct Film {
 }
 
 impl Film {
-    /// A black film of `width` x `height` pixels, of which only `crop` (everything if `None`) has buffers.
+    /// A black film of `width` x `height` pixels, of which only `crop` (the whole picture if `None`) has buffers.
     pub fn new(
         width: u32,
         height: u32,
@@ -365,12 +367,12 @@ impl Film {
         self.sums.rect
     }
 
-    /// Which buffers there are.
+    /// The set of buffers.
     pub fn layers(&self) -> LayerSet {
         self.sums.layout.set
     }
 
-    /// A black tile of these pixels, to be filled and merged.
+    /// An empty tile of these pixels, to be filled and merged.
     pub fn tile(&self, rect: PixelRect) -> Result<Tile, FilmError> {
         if rect.is_empty() || !self.rect().contains_rect(&rect) {
             return Err(FilmError::Foreign);
@@ -379,7 +381,7 @@ impl Film {
         Sums::new(rect, self.sums.layout).map(Tile).ok_or(memory)
     }
 
-    /// Adds a tile. Sums of `f64` depend on their order in the last bit: merge the tiles of a pass in the order of
+    /// Adds a tile. The last bits of `f64` sums depend on the order of addition: merge the tiles of a pass in the order of
     /// [`PixelRect::tiles`], and the passes one after another.
     pub fn merge(&mut self, tile: &Tile) -> Result<(), FilmError> {
         if tile.0.layout != self.sums.layout || !self.rect().contains_rect(&tile.rect()) {
@@ -389,7 +391,7 @@ impl Film {
         Ok(())
     }
 
-    /// Adds all samples of another film of the same pixels and layers.
+    /// Adds all samples of another film with the same pixels and layers.
     pub fn add(&mut self, other: &Self) -> Result<(), FilmError> {
         if (self.width, self.height, self.rect(), self.sums.layout)
             != (other.width, other.height, other.rect(), other.sums.layout)
@@ -400,8 +402,8 @@ impl Film {
         Ok(())
     }
 
-    /// The picture and the estimate of its bias at each pixel, row by row: weighted means in `f64`, zero where there is no
-    /// sample or no such layer.
+    /// The picture and its bias estimate at each pixel, row by row: weighted means in `f64`, zero where there is no sample or no such
+    /// layer.
     pub fn means_and_biases(&self) -> impl Iterator<Item = [DVec3; 2]> + '_ {
         let Layout { set, aovs, bias, stride, .. } = self.sums.layout;
         (0..self.sums.counts.len()).map(move |pixel| {
@@ -413,13 +415,13 @@ impl Film {
         })
     }
 
-    /// What the sums of a pixel are divided by; `None` where it has no sample.
+    /// Divisor of the sums of a pixel; `None` where it has no sample.
     fn divisor(&self, pixel: usize) -> Option<f64> {
         let (count, weight) = (self.sums.counts[pixel] as f64, self.sums.weights[pixel]);
         (count > 0.0).then_some(if weight.abs() >= 0.5 * count { weight } else { count })
     }
 
-    /// What was left out so far.
+    /// Samples that were left out so far.
     pub fn rejections(&self) -> Rejections {
         self.sums.rejections
     }
@@ -476,8 +478,8 @@ impl Film {
         means
     }
 
-    /// The layers' sum, taken in `f64` over the rounded layers and rounded once: whoever adds up the layers of
-    /// a file gets the picture to the bit.
+    /// Sum of the layers, in `f64` over the rounded layers and rounded once. So the sum of the layers of a file equals the picture to the
+    /// bit.
     fn sum_of(&self, layers: &[Layer]) -> Vec<f32> {
         let sum = |i: usize| to_f32(layers.iter().map(|layer| f64::from(layer.values[i])).sum());
         (0..3 * self.sums.counts.len()).into_par_iter().map(sum).collect()
@@ -505,20 +507,19 @@ fn to_f32(x: f64) -> f32 {
 /// One layer of a developed picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Name: `beauty`, that of an [`Aov`], `albedo`, `normal`, `depth`, `object`, `material` or `samples`.
+    /// Name: `beauty`, the name of an [`Aov`], `albedo`, `normal`, `depth`, `object`, `material` or `samples`.
     pub name: &'static str,
     /// Names of the channels.
     pub channels: &'static [&'static str],
-    /// Pixels row by row from the top, the channels of one side by side.
+    /// Values of the pixels, row by row from the top, with interleaved channels.
     pub values: Vec<f32>,
 }
 
 /// Means of a film.
 ///
-/// `beauty` comes first and is the sum of the parts that follow. Radiance in W/(m^2 sr); albedo and normal are
-/// filtered like radiance and so not of unit length where surfaces meet. `depth` is the plain mean in metres over
-/// those samples that met a surface, infinite where none did. `object` and `material` hold the number that most
-/// samples of the pixel have, and -1 for nothing.
+/// `beauty` comes first and is the sum of the parts that follow. Radiance is in W/(m^2 sr). Albedo and normal are filtered like radiance,
+/// so normals do not have unit length where surfaces meet. `depth` is the plain mean in metres over the samples that hit a surface, and
+/// infinite where none did. `object` and `material` hold the number that most samples of the pixel have, and -1 for nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Developed {
     /// Pixels across the whole picture.
@@ -531,7 +532,7 @@ pub struct Developed {
     pub layers: Vec<Layer>,
     /// Pixels without a sample; they are black.
     pub unsampled: u64,
-    /// Values that `f32` does not hold, cut to its largest.
+    /// Number of values that were clamped to the largest `f32`.
     pub clamped: u64,
     /// Samples that were left out.
     pub rejections: Rejections,
@@ -650,7 +651,7 @@ mod tests {
         tile.add(1, 0, 1.0, &sample);
         film.merge(&tile).unwrap();
         let developed = film.develop();
-        // Light without a buffer is not lost in silence; an albedo that nobody asked for is not even looked at.
+        // Light without a buffer is counted as unplanned; an albedo without a buffer is not even checked.
         assert_eq!(developed.rejections, Rejections { samples: 0, first: None, unplanned: 1 });
         let names: Vec<&str> = developed.layers.iter().map(|l| l.name).collect();
         assert_eq!(names, ["beauty", "emission", "direct", "specular", "indirect"]);

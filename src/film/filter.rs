@@ -1,9 +1,11 @@
+//! Reconstruction filters and their importance sampling.
+
 use glam::Vec2;
 use serde::Serialize;
 use thiserror::Error;
 
-/// A reconstruction filter: how much a point of the picture plane counts for a pixel, by its offset from the
-/// pixel's centre. All are products of one function of x and the same of y. Lengths in pixels.
+/// A reconstruction filter: the weight of a point of the picture plane for a pixel, as a function of its offset from the pixel's
+/// centre. All filters are products of a function of x and the same function of y. Lengths are in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Filter {
@@ -39,13 +41,13 @@ pub enum FilterError {
     /// Radius of zero, negative, not finite or too large.
     #[error("filter radius {0} is not usable; give a number of pixels above 0 and at most 64")]
     Radius(f32),
-    /// Standard deviation of zero, negative, not finite or so small that nothing of the filter is left.
+    /// Standard deviation of zero, negative, not finite, or too small for the filter to be sampled.
     #[error("filter sigma {0} is not usable; give a number of pixels above radius / 20")]
     Sigma(f32),
 }
 
 impl Default for Filter {
-    /// The pixel itself.
+    /// The box of one pixel.
     fn default() -> Self {
         Self::Box { radius: 0.5 }
     }
@@ -79,7 +81,7 @@ impl Filter {
         }
     }
 
-    /// The filter made ready for sampling, or what is wrong with its parameters.
+    /// A sampler for the filter, or an error about its parameters.
     pub fn sampler(&self) -> Result<FilterSampler, FilterError> {
         let radius = self.radius();
         if !(radius > 0.0 && radius <= 64.0) {
@@ -102,19 +104,19 @@ fn mitchell(x: f64) -> f64 {
     if x < 1.0 { (21.0 * x - 36.0) * x * x + 16.0 } else { (2.0 - x).powi(2) * (8.0 - 7.0 * x) }
 }
 
-/// A point of the picture plane drawn for one pixel.
+/// A point of the picture plane sampled for one pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FilterSample {
     /// Offset from the pixel's centre, pixels, x to the right and y down.
     pub offset: Vec2,
-    /// What the sample counts for. Exactly 1 for filters without negative lobes, otherwise a positive or negative
-    /// constant; its expectation is 1.
+    /// Weight of the sample: exactly 1 for filters without negative lobes, otherwise a positive or negative constant. Its expectation
+    /// is 1.
     pub weight: f32,
 }
 
-/// Filter importance sampling (Ernst, Stamminger & Greiner, "Filter Importance Sampling", 2006): points are drawn
-/// in proportion to the filter's magnitude, so that each camera sample feeds a single pixel and pixels depend on
-/// no neighbour, whatever the tile, crop window or thread.
+/// Filter importance sampling (Ernst, Stamminger & Greiner, "Filter Importance Sampling", 2006): points are sampled in proportion to
+/// the filter's magnitude. So each camera sample contributes to a single pixel, and pixels depend on no neighbour, whatever the tile,
+/// crop window or thread.
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     radius: f32,
@@ -129,8 +131,7 @@ enum Warp {
 }
 
 impl FilterSampler {
-    /// The offset that belongs to `u` in `[0, 1)^2`. Each axis is monotone in its coordinate of `u`, so that
-    /// stratified points stay stratified.
+    /// The sample for `u` in `[0, 1)^2`. Each axis is monotone in its coordinate of `u`, so that stratified points stay stratified.
     #[inline]
     pub fn sample(&self, u: Vec2) -> FilterSample {
         match &self.warp {
@@ -143,8 +144,8 @@ impl FilterSampler {
         }
     }
 
-    /// Density with which [`Self::sample`] draws an offset, per square pixel, and the weight of what it draws there. Their product
-    /// is the filter, of integral one.
+    /// Density per square pixel of an offset in [`Self::sample`], and the weight of a sample there. Their product is the filter,
+    /// normalized to an integral of one.
     pub fn density(&self, offset: Vec2) -> (f32, f32) {
         let r = self.radius;
         let axis = |x: f32| match &self.warp {
@@ -172,13 +173,13 @@ fn tent(u: f32) -> f32 {
 /// between cells and each cell has one sign.
 const CELLS: usize = 28 * 64;
 
-/// One axis of a filter as cells of constant density, each with exactly the filter's mass.
+/// One axis of a filter as cells of constant density. Each cell has exactly the filter's mass.
 #[derive(Clone, Debug)]
 struct Table {
     radius: f32,
     /// Share of |f| below each cell's lower edge; one more entry than cells, the last is 1.
     cumulative: Vec<f32>,
-    /// First and last cell but one where f is positive.
+    /// First cell where f is positive, and the cell after the last one.
     positive: (usize, usize),
     /// Integral of |f| over that of f: the weight of a sample where f is positive.
     magnitude: f32,
@@ -266,7 +267,7 @@ mod tests {
         let last = 1.0 - 1.0 / 16_777_216.0;
         let far = sampler.sample(Vec2::splat(last)).offset;
         assert!(far.x < 0.5 && far.x > 0.499_999 && far.y == far.x);
-        // Uniform, and the identity but for the shift: every stratum of u keeps its place.
+        // The map is a shift only: every stratum of u keeps its place.
         for i in 0..1024 {
             let u = Vec2::new(i as f32 / 1024.0, 0.25);
             assert_eq!(sampler.sample(u).offset, u - 0.5);
@@ -281,7 +282,7 @@ mod tests {
             let mut sums = [0f64; 5];
             for i in 0..n {
                 let s = sampler.sample(Vec2::new((i as f32 + 0.5) / n as f32, 0.5));
-                // The y axis sits at the centre, in the positive lobe: divide its constant weight out.
+                // The y axis is at the centre, in the positive lobe: its constant weight is divided out.
                 let weight = f64::from(s.weight / sampler.sample(Vec2::splat(0.5)).weight.sqrt());
                 for (power, sum) in sums.iter_mut().enumerate() {
                     *sum += weight * f64::from(s.offset.x).powi(power as i32) / n as f64;

@@ -1,13 +1,15 @@
+//! Parts of a picture and the set of layers of a film.
+
 use serde::Serialize;
 
-/// One of the five parts that a picture is the sum of: what emitters send straight to the camera and the four
-/// integrals of the rendering equation (Jensen 1996, eq. 2).
+/// One of the five parts whose sum is the picture: the emission that the camera sees directly, and the four integrals of the rendering
+/// equation (Jensen 1996, eq. 2).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aov {
-    /// Light emitted by what the camera sees.
+    /// Light that surfaces seen by the camera emit.
     Emission,
-    /// Light that reaches a diffuse surface straight from an emitter.
+    /// Light that reaches a diffuse surface directly from an emitter.
     Direct,
     /// Light that reaches the camera by specular reflection or refraction.
     Specular,
@@ -17,11 +19,11 @@ pub enum Aov {
     Indirect,
 }
 
-/// All parts, in the order in which they are added up and written.
+/// All parts, in the order in which they are summed and written.
 pub const AOVS: [Aov; 5] = [Aov::Emission, Aov::Direct, Aov::Specular, Aov::Caustics, Aov::Indirect];
 
 impl Aov {
-    /// Name of the layer in files and on the command line.
+    /// The name of the layer in files and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Emission => "emission",
@@ -33,7 +35,7 @@ impl Aov {
     }
 }
 
-/// Which buffers a film has. What is left out costs no memory.
+/// The set of buffers of a film. A buffer that is left out costs no memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LayerSet {
     /// The parts of the picture, in the order of [`AOVS`].
@@ -44,13 +46,13 @@ pub struct LayerSet {
     pub normal: bool,
     /// Distance from the camera.
     pub depth: bool,
-    /// Which object.
+    /// Number of the object.
     pub object_id: bool,
-    /// Which material.
+    /// Number of the material.
     pub material_id: bool,
-    /// Count of samples.
+    /// Number of samples.
     pub samples: bool,
-    /// Estimate of the bias, where the integrator makes one.
+    /// Estimate of the bias, where the integrator has one.
     pub bias: bool,
 }
 
@@ -71,8 +73,8 @@ impl Default for LayerSet {
 }
 
 impl LayerSet {
-    /// Everything that every integrator has. Without the count of samples, which is the same everywhere unless they are shared
-    /// out by variance.
+    /// All layers that every integrator provides. The number of samples is left out: it is the same for all pixels unless sampling is
+    /// adaptive.
     pub fn all() -> Self {
         Self {
             aovs: [true; 5],
@@ -86,7 +88,7 @@ impl LayerSet {
         }
     }
 
-    /// True where `aov` has a buffer.
+    /// Whether `aov` has a buffer.
     pub fn has(&self, aov: Aov) -> bool {
         self.aovs[aov as usize]
     }

@@ -1,6 +1,6 @@
-//! Pixels: reconstruction filters, the sums behind each layer of a picture, and its development for a screen.
+//! Film: reconstruction filters, sums for each layer of a picture, and development for a screen.
 //!
-//! Buffers only; files are written by `image_io`.
+//! The module holds buffers only; `image_io` writes files.
 
 mod buffer;
 mod filter;

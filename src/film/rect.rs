@@ -1,4 +1,6 @@
-/// A rectangle of whole pixels, `x0 <= x < x1` and `y0 <= y < y1`, row 0 on top: a crop window or a tile.
+//! Rectangles of pixels: crop windows and tiles.
+
+/// A rectangle of whole pixels, `x0 <= x < x1` and `y0 <= y < y1`, with row 0 at the top.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PixelRect {
     /// First column.
@@ -32,29 +34,29 @@ impl PixelRect {
         self.width() as usize * self.height() as usize
     }
 
-    /// True where there is no pixel.
+    /// Whether the rectangle has no pixel.
     pub fn is_empty(&self) -> bool {
         self.area() == 0
     }
 
-    /// True where the pixel `(x, y)` is inside.
+    /// Whether the pixel `(x, y)` is inside.
     pub fn contains(&self, x: u32, y: u32) -> bool {
         (self.x0..self.x1).contains(&x) && (self.y0..self.y1).contains(&y)
     }
 
-    /// True where all of `other` is inside.
+    /// Whether all of `other` is inside.
     pub fn contains_rect(&self, other: &Self) -> bool {
         other.is_empty()
             || (self.x0 <= other.x0 && other.x1 <= self.x1 && self.y0 <= other.y0 && other.y1 <= self.y1)
     }
 
-    /// The pixels in both; empty where they do not meet.
+    /// The pixels in both rectangles; empty where they do not overlap.
     pub fn intersection(&self, other: &Self) -> Self {
         let (x0, y0) = (self.x0.max(other.x0), self.y0.max(other.y0));
         Self { x0, y0, x1: self.x1.min(other.x1).max(x0), y1: self.y1.min(other.y1).max(y0) }
     }
 
-    /// Place of the pixel `(x, y)` in a buffer of this rectangle, row by row; `None` outside.
+    /// Index of the pixel `(x, y)` in a buffer of this rectangle, row by row; `None` outside.
     pub fn index(&self, x: u32, y: u32) -> Option<usize> {
         self.contains(x, y).then(|| (y - self.y0) as usize * self.width() as usize + (x - self.x0) as usize)
     }
@@ -65,8 +67,8 @@ impl PixelRect {
         (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
     }
 
-    /// Squares of `size` pixels (at least 1) that cover the rectangle, row by row. Their grid starts at pixel
-    /// (0, 0) of the picture whatever the rectangle, so that a crop window meets the same tiles as the whole.
+    /// Squares of `size` pixels (at least 1), cut to the rectangle, that cover it, row by row. Their grid always starts at pixel (0, 0) of
+    /// the picture, so that a crop window has the same tiles as the whole picture.
     pub fn tiles(&self, size: u32) -> Vec<Self> {
         if self.is_empty() {
             return Vec::new();

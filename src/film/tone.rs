@@ -1,12 +1,14 @@
+//! Development of linear radiance for a screen: exposure, tone curve and sRGB encoding.
+
 use crate::math::{Rgb, luminance};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// How linear radiance becomes what a screen shows.
+/// Tone curve: the map from exposed linear radiance to display-linear colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ToneCurve {
-    /// Linear up to 1, white beyond: the screen shows exactly what was computed as far as it can.
+    /// Linear up to 1 and clamped to white above, so that the screen shows the computed values within its range.
     #[default]
     None,
     /// A filmic shoulder after a linear base: the PBR Neutral tone mapper of the Khronos Group ("Khronos PBR Neutral
@@ -46,33 +48,32 @@ fn pbr_neutral(colour: Rgb) -> Rgb {
     (compressed * g + Rgb::splat(new_peak) * (1.0 - g)).clamp(Rgb::ZERO, Rgb::ONE)
 }
 
-/// The sRGB encoding of linear `x` (IEC 61966-2-1), both in `[0, 1]`; what lies outside is clamped first.
+/// The sRGB encoding of linear `x` (IEC 61966-2-1), both in `[0, 1]`. Values outside are clamped first.
 pub fn srgb_encode(x: f32) -> f32 {
     let x = f64::from(x.clamp(0.0, 1.0));
     let encoded = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
     encoded as f32
 }
 
-/// The linear value of an sRGB-encoded `x`, both in `[0, 1]`; what lies outside is clamped first.
+/// The linear value of an sRGB-encoded `x`, both in `[0, 1]`. Values outside are clamped first.
 pub fn srgb_decode(x: f32) -> f32 {
     let x = f64::from(x.clamp(0.0, 1.0));
     let linear = if x <= 0.040_45 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
     linear as f32
 }
 
-/// The sRGB encoding of linear `x` in a byte, to nearest and without dithering. NaN becomes zero.
+/// The sRGB encoding of linear `x` as a byte, rounded to nearest without dithering. NaN becomes zero.
 pub fn srgb_encode_u8(x: f32) -> u8 {
-    // The cast sends NaN to zero.
+    // The cast turns NaN into zero.
     (srgb_encode(x) * 255.0).round() as u8
 }
 
-/// Development of linear radiance for a screen: exposure, curve, encoding. The same input gives the same bytes,
-/// whatever the number of threads.
+/// Development of linear radiance for a screen: exposure, curve, encoding. The result does not depend on the number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ToneMap {
-    /// Stops: radiance is multiplied by `2^exposure`, and 1 is white.
+    /// Exposure in stops: radiance is multiplied by `2^exposure`, and 1 is white.
     pub exposure: f64,
-    /// Curve.
+    /// Tone curve.
     pub curve: ToneCurve,
 }
 
@@ -85,9 +86,9 @@ impl ToneMap {
         self.curve.apply(exposed.as_vec3())
     }
 
-    /// How much of the interleaved linear RGB `pixels` is seen, before any curve.
+    /// Counts the clipped, visible and lit pixels of the interleaved linear RGB `pixels`, before any curve.
     pub fn rendition(&self, pixels: &[f32]) -> Rendition {
-        /// Where the byte after 255 would begin, in encoded values.
+        /// Encoded value that would round to a byte above 255.
         const BEYOND_WHITE: f64 = 255.5 / 255.0;
         let white = ((BEYOND_WHITE + 0.055) / 1.055).powf(2.4);
         let scale = self.exposure.exp2();
@@ -102,8 +103,8 @@ impl ToneMap {
         rendition
     }
 
-    /// Bytes for a PNG of the interleaved linear RGB `pixels`; as many as there are values. Values that do not fill
-    /// a pixel at the end are black.
+    /// Bytes for a PNG of the interleaved linear RGB `pixels`, one for each value. Values at the end that do not fill a pixel become
+    /// black.
     pub fn to_srgb8(&self, pixels: &[f32]) -> Vec<u8> {
         let mut bytes = vec![0; pixels.len()];
         bytes.par_chunks_exact_mut(3).zip(pixels.par_chunks_exact(3)).for_each(|(out, pixel)| {
@@ -114,31 +115,31 @@ impl ToneMap {
     }
 }
 
-/// What a developed picture shows of its pixels.
+/// Counts of clipped, visible and lit pixels of a developed picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rendition {
-    /// Pixels in all.
+    /// Number of pixels.
     pub pixels: u64,
-    /// Of those, pixels with a channel that rounds to more than white.
+    /// Pixels with a channel that rounds to more than white.
     pub clipped: u64,
     /// Pixels with a channel above a 255th of white.
     pub visible: u64,
-    /// Pixels with a channel above zero, however dark.
+    /// Pixels with a channel above zero.
     pub lit: u64,
 }
 
 impl Rendition {
-    /// Whether more than half of the picture is beyond white.
+    /// Whether more than half of the pixels are clipped.
     pub fn is_too_bright(&self) -> bool {
         2 * self.clipped > self.pixels
     }
 
-    /// Whether there is light, and nothing of it is seen.
+    /// Whether there is light, but no visible pixel.
     pub fn is_too_dark(&self) -> bool {
         self.visible == 0 && self.lit > 0
     }
 
-    /// Whether there is no light in it at all.
+    /// Whether no pixel has any light.
     pub fn is_black(&self) -> bool {
         self.lit == 0
     }
@@ -147,8 +148,8 @@ impl Rendition {
 /// Stops that bring the log-average luminance of the interleaved linear RGB `pixels` to 0.18, middle grey
 /// (Reinhard et al., "Photographic Tone Reproduction for Digital Images", 2002).
 ///
-/// Pixels that are black or not finite do not count, instead of the paper's small constant: so the result follows
-/// any scale of the radiance exactly. `None` where no pixel is left.
+/// Pixels that are black or not finite are left out; the paper adds a small constant instead. So the result follows any scale of the
+/// radiance exactly. `None` where no pixel is left.
 pub fn auto_exposure(pixels: &[f32]) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0u64);
     for pixel in pixels.chunks_exact(3) {

@@ -1,4 +1,4 @@
-//! Files that are complete or not there at all.
+//! Atomic writing: a file is complete or unchanged.
 
 use std::ffi::OsString;
 use std::fs::{self, File, Permissions};
@@ -9,17 +9,17 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-/// Bytes that [`check`] writes: a block, which a full disk refuses where it may still hold an empty file.
+/// Bytes that [`check`] writes: one block, as a full disk may still accept an empty file.
 const PROBE: [u8; 4096] = [0; 4096];
 
-/// Links that are followed before they count as a circle, as the system counts.
+/// Most symbolic links that are followed before they count as a cycle; the system has the same limit.
 const MOST_LINKS: usize = 40;
 
-/// Writes a file through `fill`, so that `path` changes only where everything succeeded. Where `path` is a symbolic link,
-/// the file that it leads to is the one that changes.
+/// Writes a file with `fill`. `path` changes only if everything succeeds. Where `path` is a symbolic link, the file that it leads to is
+/// replaced.
 ///
-/// The temporary file is in the folder of that file, since only there can it be renamed in one step, and is removed on
-/// every error and on unwinding. What a process that was killed left there for the same file is removed first.
+/// The temporary file is in the folder of that file, since only there can it be renamed in one step. It is removed on every error and on
+/// unwinding. Temporary files that a killed process left for the same file are removed first.
 pub(super) fn write_atomically<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&File) -> Result<(), E>,
@@ -27,20 +27,20 @@ pub(super) fn write_atomically<E: From<io::Error>>(
     let path = destination(path)?;
     let file = temporary_beside(&path)?;
     fill(file.as_file())?;
-    // Before the rename, or a power cut could leave the final name on an empty file.
+    // The data must be on the disk before the rename, or a power cut could leave an empty file under the final name.
     file.as_file().sync_all()?;
     file.persist(path).map_err(|error| error.error)?;
     Ok(())
 }
 
-/// Whether [`write_atomically`] would write to `path` as things stand. Leaves nothing behind.
+/// Checks whether [`write_atomically`] can write to `path` at present, and leaves nothing behind.
 pub(super) fn check(path: &Path) -> io::Result<()> {
     let file = temporary_beside(&destination(path)?)?;
-    // Not through the temporary file, whose errors tell its name.
+    // Written through the plain file, as errors of `NamedTempFile` contain the temporary name.
     file.as_file().write_all(&PROBE).and_then(|()| file.as_file().sync_all())
 }
 
-/// Fills a file as [`write_atomically`] does, which then never takes its name.
+/// Fills a temporary file as [`write_atomically`] does, but removes it instead of renaming it.
 pub(super) fn try_beside<E: From<io::Error>>(
     path: &Path,
     fill: impl FnOnce(&File) -> Result<(), E>,
@@ -50,8 +50,8 @@ pub(super) fn try_beside<E: From<io::Error>>(
     Ok(file.as_file().sync_all()?)
 }
 
-/// The file that `path` means: at the end of symbolic links, and nothing but a file or not there yet. Its folder is as
-/// short as the system can say it, so that two names of one file are equal.
+/// The file that `path` means, after symbolic links. It must be a regular file or not exist yet. Its folder is in canonical form, so that
+/// two names of one file are equal.
 pub(super) fn destination(path: &Path) -> io::Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {
@@ -73,21 +73,21 @@ pub(super) fn destination(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other("its symbolic links lead in a circle; remove them, or write elsewhere"))
 }
 
-/// The folder that a file is in.
+/// The folder of a file.
 pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// What the names of temporary files end in.
+/// Suffix of the names of temporary files.
 const SUFFIX: &str = ".cardioid.tmp";
 
 /// Random letters in the name of a temporary file.
 const RANDOM: usize = 6;
 
-/// Attempts to create a temporary file that nobody takes for an abandoned one.
+/// Attempts to create a temporary file that no other process removes as abandoned.
 const ATTEMPTS: usize = 8;
 
-/// A temporary file for `path`. It is locked for as long as it is open, which tells it from files that killed processes left.
+/// A temporary file for `path`. It is locked while it is open, which distinguishes it from files that killed processes left.
 fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
     let mut prefix = OsString::from(".");
     prefix.push(path.file_name().unwrap_or_default());
@@ -98,16 +98,16 @@ fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
             .prefix(&prefix)
             .suffix(SUFFIX)
             .rand_bytes(RANDOM)
-            // A picture is like any other file: for whom the user's umask says. (The default is the user alone.)
+            // The user's umask decides who may read a picture, as for any other file. (The default would be the user alone.)
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(folder_of(path))
             .map_err(without_path)
     };
     for _ in 1..ATTEMPTS {
         let file = create()?;
-        // A disk without locks has none of these files removed, by whomever.
+        // On a disk without locks, no process removes such files.
         let _ = file.as_file().try_lock();
-        // Between creation and lock another process may have removed it.
+        // Another process may have removed the file between creation and lock.
         if is_at(file.as_file(), file.path()) {
             return Ok(file);
         }
@@ -115,15 +115,15 @@ fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
     create()
 }
 
-/// Whether this open file is the one of this name.
+/// Whether this open file is the one with this name.
 fn is_at(file: &File, path: &Path) -> bool {
     let identity = |found: fs::Metadata| (found.dev(), found.ino());
     let found = (file.metadata().map(identity), fs::symlink_metadata(path).map(identity));
     matches!(found, (Ok(a), Ok(b)) if a == b)
 }
 
-/// Removes temporary files with this start of their names whose process is gone, so that nobody holds their lock. What cannot be
-/// read, locked or removed stays.
+/// Removes temporary files with this prefix that no process has locked, as their process is gone. Files that cannot be read, locked or
+/// removed stay.
 fn remove_abandoned(folder: &Path, prefix: &[u8]) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
@@ -137,13 +137,13 @@ fn remove_abandoned(folder: &Path, prefix: &[u8]) {
         let path = entry.path();
         let Ok(file) = File::options().read(true).write(true).open(&path) else { continue };
         if file.try_lock().is_ok() && is_at(&file, &path) {
-            // Where it fails, the next run tries again.
+            // If this fails, the next run tries again.
             let _ = fs::remove_file(&path);
         }
     }
 }
 
-/// The same error without the name of the temporary file, which tells the user nothing.
+/// The same error without the name of the temporary file, which is of no use to the user.
 fn without_path(error: io::Error) -> io::Error {
     error
         .get_ref()
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(names_in(folder.path()), ["picture"]);
     }
 
-    /// What a killed process left is removed by the next write to the same file, and nothing else is.
+    /// The next write to a file removes what a killed process left for it, and nothing else.
     #[test]
     fn abandoned_files_are_removed_and_those_in_use_are_not() {
         let folder = tempfile::tempdir().expect("folder");

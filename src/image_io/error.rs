@@ -1,4 +1,4 @@
-//! What can go wrong with a picture file.
+//! Errors of picture files.
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::atomic::folder_of;
 
-/// Why a picture was not written or read. The message names the file, what is wrong, and what helps.
+/// An error of writing or reading a picture. The message names the file, the problem and a remedy.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum ImageError {
@@ -16,7 +16,7 @@ pub enum ImageError {
     Write {
         /// The file that was to be written.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         cause: io::Error,
     },
 
@@ -25,7 +25,7 @@ pub enum ImageError {
     Read {
         /// The file that was to be read.
         path: PathBuf,
-        /// What the system says.
+        /// The error of the system.
         cause: io::Error,
     },
 
@@ -34,30 +34,30 @@ pub enum ImageError {
     Encode {
         /// The file that was to be written.
         path: PathBuf,
-        /// What OpenImageIO says.
+        /// The message of OpenImageIO.
         reason: String,
     },
 
-    /// There is no OpenImageIO, or something that it needs is missing.
+    /// OpenImageIO or a library that it needs is missing.
     #[error(
         "no picture can be written or read, as OpenImageIO cannot be loaded ({reason}): install it, or add its folder to \
          LD_LIBRARY_PATH"
     )]
     Library {
-        /// What the loader says.
+        /// The message of the loader.
         reason: String,
     },
 
-    /// The picture contradicts itself: the fault of who made it.
+    /// The picture is inconsistent, which is an error of the caller.
     #[error("cannot write {}: {reason}", path.display())]
     Inconsistent {
         /// The file that was to be written.
         path: PathBuf,
-        /// What contradicts what.
+        /// The inconsistency.
         reason: String,
     },
 
-    /// The file starts like no picture.
+    /// The file does not start like a picture of a known format.
     #[error(
         "{} is not a picture of a known kind (EXR, PNG, JPEG, Radiance HDR, TIFF, BMP, WebP, or TGA by its extension)",
         path.display()
@@ -67,21 +67,21 @@ pub enum ImageError {
         path: PathBuf,
     },
 
-    /// The file starts like a picture, but goes on otherwise.
+    /// The file starts like a picture, but is damaged or incomplete.
     #[error("{} is damaged or incomplete ({reason}): make it anew, or copy it again", path.display())]
     Damaged {
         /// The file that was to be read.
         path: PathBuf,
-        /// What was found wrong.
+        /// The damage found.
         reason: String,
     },
 
-    /// A picture, but of a kind that this renderer has no use for.
+    /// The file is a picture of an unsupported kind.
     #[error("{} is {what}, which is not supported: convert it to a flat picture", path.display())]
     Unsupported {
         /// The file that was to be read.
         path: PathBuf,
-        /// What kind of picture it is.
+        /// The kind of picture.
         what: &'static str,
     },
 
@@ -93,26 +93,26 @@ pub enum ImageError {
     Memory {
         /// The file that was to be read.
         path: PathBuf,
-        /// Bytes that it takes.
+        /// Bytes that decoding takes.
         needed: u64,
         /// Bytes that are allowed.
         allowed: u64,
     },
 
-    /// The picture would take more memory than the reader allowed.
+    /// The picture has more values than the caller allowed.
     #[error("{} holds {values} values, more than the {limit} allowed: scale it down, or split it", path.display())]
     TooLarge {
         /// The file that was to be read.
         path: PathBuf,
         /// Width times height times channels, of the picture or of one block that is decoded at once.
         values: u64,
-        /// How many were allowed.
+        /// Allowed number of values.
         limit: u64,
     },
 }
 
 impl ImageError {
-    /// The same error of a file that was read under another path than the one it is known by.
+    /// The same error with `name` in place of the path `old`, for a file that was read from a temporary path.
     pub(super) fn renamed(self, old: &Path, name: &Path) -> Self {
         let path = name.to_owned();
         match self {
@@ -129,7 +129,7 @@ impl ImageError {
     }
 }
 
-/// What the system says, in words that name a remedy where the cause is a usual one.
+/// Message for an error of writing, with a remedy for common causes.
 fn write_remedy(path: &Path, cause: &io::Error) -> String {
     let folder = match folder_of(path) {
         here if here == Path::new(".") => "the current folder".to_owned(),
@@ -140,7 +140,7 @@ fn write_remedy(path: &Path, cause: &io::Error) -> String {
             "it is a symbolic link into a folder that does not exist; create that, or remove the link"
                 .to_owned()
         }
-        // A folder of the system's own, as /proc is.
+        // A system folder such as /proc.
         ErrorKind::NotFound if folder_of(path).is_dir() => {
             format!("{folder} takes no new files; write elsewhere")
         }

@@ -1,38 +1,37 @@
-//! How much memory an EXR asks for, found before the decoder is let near it.
+//! Checks the memory that an EXR would require, before the decoder opens it.
 //!
-//! OpenEXR takes memory for tables and blocks as soon as it opens a file, as much as the header claims: gigabytes, for a
-//! damaged file of a few bytes. So the header's claims are read here first, and only a file whose claims are within limits
-//! is opened. The layout is that of <https://openexr.com/en/latest/OpenEXRFileLayout.html>.
+//! When OpenEXR opens a file, it allocates memory for tables and blocks as the header claims: gigabytes for a damaged file of a few bytes.
+//! So the claims of the header are read here first, and only a file with claims within the limits is opened. The layout is that of
+//! <https://openexr.com/en/latest/OpenEXRFileLayout.html>.
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
 /// First bytes of each EXR.
 pub(super) const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
-/// Most values (numbers of 2 or 4 bytes) of one block: a tile, or as many rows as are compressed together. The decoder
-/// holds a few blocks for each thread, so this is 128 MiB each. Rows of 16384 pixels of 128 channels, compressed as this
-/// renderer does, reach it.
+/// Most values (of 2 or 4 bytes) of one block. A block is a tile or the rows that are compressed together. The decoder holds a few blocks
+/// per thread, of at most 128 MiB each. Rows of 16384 pixels with 128 channels, compressed as this renderer does, reach the limit.
 pub(super) const BLOCK_LIMIT: u64 = 1 << 25;
 
 /// Longest name of an attribute or channel that the format allows.
 const LONGEST_NAME: u64 = 255;
 
-/// Longest list of channels that is looked at: 1024 channels (the most that OpenImageIO takes) with the longest names.
+/// Longest accepted list of channels: 1024 channels (the most that OpenImageIO accepts) with the longest names.
 const LONGEST_CHANNEL_LIST: u64 = 1024 * (LONGEST_NAME + 17) + 1;
 
 const FLAG_DEEP: u32 = 0x800;
 const FLAG_PARTS: u32 = 0x1000;
 
-/// Why a file is not to be opened.
+/// Reason to refuse a file.
 #[derive(Debug)]
 pub(super) enum Fault {
-    /// It could not be read at all.
+    /// The file cannot be read.
     System(io::Error),
-    /// The header is not one.
+    /// The header is damaged.
     Damaged(&'static str),
-    /// Pixels have many samples.
+    /// The picture is deep: its pixels have many samples.
     Deep,
-    /// So many values, of the file or of one block, are more than so many allowed.
+    /// The file or one block has more values than allowed.
     TooLarge { values: u64, limit: u64 },
 }
 
@@ -45,7 +44,7 @@ impl From<io::Error> for Fault {
     }
 }
 
-/// What the header of one part claims.
+/// Claims of the header of one part.
 #[derive(Default)]
 struct Claims {
     width: Option<u64>,
@@ -56,7 +55,7 @@ struct Claims {
     chunks: Option<u64>,
 }
 
-/// Succeeds where all that the file claims is within the limits.
+/// Checks that all claims of the file are within the limits.
 pub(super) fn check(mut file: impl BufRead + Seek, limit: u64) -> Result<(), Fault> {
     let magic: [u8; 4] = read_array(&mut file)?;
     let version = u32::from_le_bytes(read_array(&mut file)?);
@@ -77,7 +76,7 @@ pub(super) fn check(mut file: impl BufRead + Seek, limit: u64) -> Result<(), Fau
     Ok(())
 }
 
-/// Number of values of a part, where it is within the limits.
+/// Number of values of a part, after a check against the limits.
 fn check_part(claims: &Claims, limit: u64) -> Result<u64, Fault> {
     let (Some(width), Some(height), Some(channels)) = (claims.width, claims.height, claims.channels) else {
         return Err(Fault::Damaged("the header lacks the size or the channels"));
@@ -97,7 +96,7 @@ fn within(values: u64, limit: u64) -> Result<(), Fault> {
     if values > limit { Err(Fault::TooLarge { values, limit }) } else { Ok(()) }
 }
 
-/// Reads the header of one part; `None` at the end of all.
+/// Reads the header of one part; `None` after the last part.
 fn read_part(file: &mut (impl BufRead + Seek)) -> Result<Option<Claims>, Fault> {
     let mut claims = Claims::default();
     let mut name = read_name(file)?;
@@ -116,7 +115,7 @@ fn read_part(file: &mut (impl BufRead + Seek)) -> Result<Option<Claims>, Fault> 
     Ok(Some(claims))
 }
 
-/// Reads the value of an attribute where it bears on memory.
+/// Reads the value of an attribute that affects memory; other attributes are ignored.
 fn read_claim(
     file: &mut impl BufRead,
     name: &[u8],
@@ -163,7 +162,7 @@ fn set<T>(claim: &mut Option<T>, value: T) -> Result<(), Fault> {
     }
 }
 
-/// Pixels from the first to the last, both included.
+/// Number of pixels from the first to the last, inclusive.
 fn extent(first: i32, last: i32) -> Result<u64, Fault> {
     u64::try_from(i64::from(last) - i64::from(first) + 1)
         .ok()
@@ -185,7 +184,7 @@ fn count_channels(file: &mut impl BufRead, size: u64) -> Result<u64, Fault> {
     Ok(count)
 }
 
-/// Rows that are compressed together; for a compression that is not known yet, the most of all that are.
+/// Number of rows that are compressed together; for an unknown compression, the largest of all known ones.
 const fn rows_per_block(compression: u8) -> u64 {
     match compression {
         0..=2 => 1,
@@ -195,7 +194,7 @@ const fn rows_per_block(compression: u8) -> u64 {
     }
 }
 
-/// Reads up to a NUL, which is not returned.
+/// Reads a name up to its NUL, which is not returned.
 fn read_name(file: &mut impl BufRead) -> Result<Vec<u8>, Fault> {
     let mut name = Vec::new();
     file.take(LONGEST_NAME + 1).read_until(0, &mut name)?;

@@ -11,22 +11,22 @@ pub struct Image {
     pub window: Option<Window>,
     /// The layers, in order of writing. A file that was read has them in the order of their names.
     pub layers: Vec<Layer>,
-    /// Names and values of what else the file says.
+    /// Names and values of the metadata.
     pub metadata: Vec<(String, MetadataValue)>,
-    /// What was odd about a file that was read, in words.
+    /// Messages about oddities of a file that was read.
     pub findings: Vec<String>,
 }
 
-/// Where in a larger picture a picture has its place: what a crop window rendered, which viewers show at that place.
+/// Position of a picture within a larger one, such as that of a rendered crop window. Viewers show the picture at this position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
-    /// Column of the larger picture that is the first here.
+    /// Column of the larger picture at which this one starts.
     pub x: i64,
-    /// Row of the larger picture that is the first here.
+    /// Row of the larger picture at which this one starts.
     pub y: i64,
     /// Pixels in a row of the larger picture.
     pub full_width: u32,
-    /// Its rows.
+    /// Rows of the larger picture.
     pub full_height: u32,
 }
 
@@ -37,13 +37,13 @@ impl Image {
         Self { width, height, window: None, layers: Vec::new(), metadata: Vec::new(), findings: Vec::new() }
     }
 
-    /// The layer of this name; the picture proper has the empty name.
+    /// The layer with this name; the main layer has the empty name.
     #[must_use]
     pub fn layer(&self, name: &str) -> Option<&Layer> {
         self.layers.iter().find(|layer| layer.name == name)
     }
 
-    /// The metadata of this name.
+    /// The metadata value with this name.
     #[must_use]
     pub fn metadata(&self, name: &str) -> Option<&MetadataValue> {
         self.metadata.iter().find(|(key, _)| key == name).map(|(_, value)| value)
@@ -56,14 +56,14 @@ impl Image {
     }
 }
 
-/// Some channels of a picture that belong together.
+/// A layer: channels of a picture that belong together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Its name, empty for the picture proper. In a file its channels are called `name.channel`.
+    /// Its name, empty for the main layer. In a file its channels are named `name.channel`.
     pub name: String,
-    /// Names of the channels: `R`, `G`, `B` for a colour, `X`, `Y`, `Z` for a vector, `Z` for a depth. They have no dot.
+    /// Names of the channels: `R`, `G`, `B` for a colour, `X`, `Y`, `Z` for a vector, `Z` for a depth. They contain no dot.
     pub channels: Vec<String>,
-    /// Row by row from the top, from left to right, the channels of a pixel side by side: channel `c` at column `x` of row
+    /// Values row by row from the top, from left to right, with interleaved channels: channel `c` at column `x` of row
     /// `y` is `data[(y * width + x) * channels.len() + c]`.
     pub data: Vec<f32>,
 }
@@ -86,21 +86,21 @@ impl Layer {
         self.data.get(index.checked_mul(count)?..)?.get(..count)
     }
 
-    /// Where in a pixel the channel of this name is.
+    /// Index of the channel with this name in a pixel.
     #[must_use]
     pub fn channel_index(&self, channel: &str) -> Option<usize> {
         self.channels.iter().position(|name| name == channel)
     }
 }
 
-/// What a file says of itself under some name.
+/// A metadata value of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MetadataValue {
-    /// Text, in any language. A value that is none of the others is read as text too.
+    /// Text, in any language. Values of other types are read as text too.
     Text(String),
-    /// A whole number of 32 bits, the most that EXR has. Counts that may outgrow it are better stored as `Double`.
+    /// A 32-bit integer, the largest integer type of EXR. Counts that may exceed it are better stored as `Double`.
     Int(i32),
-    /// A number; whole ones are exact below 2^53.
+    /// A floating-point number; integers below 2^53 are exact.
     Double(f64),
 }
 

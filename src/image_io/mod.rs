@@ -1,13 +1,12 @@
-//! Picture files: EXR with many layers, PNG, and whatever OpenImageIO reads.
+//! Picture files: EXR with many layers, PNG, and the formats that OpenImageIO reads.
 //!
-//! [`write_exr`], [`write_png`], [`write_text`] and [`write_bytes`] are atomic: what is written goes to a temporary file in the same
-//! folder, which takes the final name only when it is complete and on the disk. Whatever fails or is interrupted on the way, the final name holds
-//! either the whole new picture or what was there before, and the temporary file is removed. (A process that is killed
-//! outright, by `SIGKILL` or a power cut, cannot remove it: `.NAME.*.cardioid.tmp` is then left, and removed by the next write to
-//! the same file.)
+//! [`write_exr`], [`write_png`], [`write_text`] and [`write_bytes`] are atomic. The data go to a temporary file in the same folder. It is
+//! renamed to the final name only when it is complete and on the disk. After a failure or an interruption, the final name holds either the
+//! whole new file or the old one, and the temporary file is removed. (A process that ends by `SIGKILL` or a power cut cannot remove it:
+//! `.NAME.*.cardioid.tmp` is then left, and the next write to the same file removes it.)
 //!
-//! [`read`] trusts nothing: a file's size is checked against a limit before memory is taken for it, and a file that is
-//! damaged is an error.
+//! [`read`] does not trust its input: the size of a picture is checked against a limit before memory is allocated, and a damaged file is an
+//! error.
 
 mod atomic;
 mod error;
@@ -29,8 +28,8 @@ pub use write::{
     write_bytes, write_exr, write_png, write_text, write_with,
 };
 
-/// Whether an attribute says how a file is stored, not what is in it: such are orders to OpenImageIO when writing, and what it
-/// found out when reading.
+/// Whether an attribute describes the storage of a file and not its content. Such attributes are instructions to OpenImageIO on writing
+/// and its findings on reading.
 fn is_storage(name: &str) -> bool {
     const NAMES: [&str; 4] = ["compression", "PixelAspectRatio", "screenWindowCenter", "screenWindowWidth"];
     const PREFIXES: [&str; 9] = ["oiio", "openexr", "png", "jpeg", "hdr", "tiff", "bmp", "webp", "targa"];

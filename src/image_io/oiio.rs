@@ -1,4 +1,4 @@
-//! The shim over OpenImageIO behind safe Rust. Nothing else in this room calls C.
+//! Safe wrapper around the C++ shim of OpenImageIO. No other file of `image_io` calls C.
 #![allow(unsafe_code, reason = "the border to C++: each call is justified where it stands")]
 
 use std::ffi::{CStr, c_char};
@@ -16,7 +16,7 @@ mod tiles;
 
 pub(super) use tiles::{Headers, Level, Tiles, limit_tiles, write_tiles};
 
-/// Version of OpenImageIO: major, minor, patch. Loads the library where that was not done yet; `None` where it cannot be.
+/// Version of OpenImageIO: major, minor, patch. Loads the library if it is not loaded yet; `None` where it cannot be loaded.
 #[must_use]
 pub fn library_version() -> Option<(i32, i32, i32)> {
     // SAFETY: takes nothing and only reads a constant.
@@ -24,14 +24,14 @@ pub fn library_version() -> Option<(i32, i32, i32)> {
     Some((version / 10_000, version / 100 % 100, version % 100))
 }
 
-/// Loads OpenImageIO, which takes some tenths of a second that the first picture would else have to wait: for a thread of
-/// its own, while there is other work. [`library_failure`] tells what came of it.
+/// Loads OpenImageIO, which takes some tenths of a second. A separate thread can call it during other work, so that the first picture need
+/// not wait. [`library_failure`] reports the result.
 pub fn load_library() {
-    // Kept by the binding, and told with the first picture.
+    // The binding keeps an error and reports it with the first picture.
     let _ = sys::shim();
 }
 
-/// Why OpenImageIO cannot be loaded; `None` where it is, or was not asked for yet.
+/// The error of loading OpenImageIO; `None` where it is loaded, or was not requested yet.
 pub fn library_failure() -> Option<ImageError> {
     sys::load_failure().map(not_loaded)
 }
@@ -40,14 +40,14 @@ fn not_loaded(reason: &str) -> ImageError {
     ImageError::Library { reason: reason.to_owned() }
 }
 
-/// Why OpenImageIO failed.
+/// An error of OpenImageIO.
 #[derive(Debug)]
 pub(super) enum Failure {
-    /// The system refused something.
+    /// The system reported an error.
     System(io::Error),
-    /// The library did, with these words.
+    /// The library reported an error with this message.
     Library(String),
-    /// There is no library.
+    /// The library cannot be loaded.
     NotLoaded(&'static str),
 }
 
@@ -58,7 +58,7 @@ impl From<io::Error> for Failure {
 }
 
 impl Failure {
-    /// Room for an error, to be written by the shim.
+    /// An empty error for the shim to fill.
     const fn empty() -> sys::OiioError {
         sys::OiioError { system: 0, text: [0; 1024] }
     }
@@ -86,7 +86,7 @@ impl Failure {
     }
 }
 
-/// A number of one channel as it lies in memory, and as the file should hold it.
+/// Type of a channel's values in memory and in the file.
 pub(super) trait Sample {
     const FORMAT: sys::OiioFormat;
 }
@@ -127,7 +127,7 @@ impl<T: Sample> Spec<T> {
         Ok(Self { shim, spec, pixels: width as usize * height as usize, channels, sample: PhantomData })
     }
 
-    /// The picture is a window of a larger one.
+    /// Declares the picture a window of a larger one.
     pub(super) fn set_window(&mut self, window: Window) -> Result<(), Failure> {
         let number =
             |n: i64| i32::try_from(n).map_err(|_| Failure::Library("a window beyond 2^31 pixels".to_owned()));
@@ -160,8 +160,8 @@ impl<T: Sample> Spec<T> {
         done(unsafe { self.shim.oiio_spec_set_double(self.spec.as_ptr(), name.as_ptr(), value) })
     }
 
-    /// Writes the picture to an empty file, in a format that OpenImageIO names so. The channels of the layers, in order,
-    /// are those of the description; a layer is its pixels with the channels of each side by side, and their number.
+    /// Writes the picture to an empty file in the format with this OpenImageIO name. The channels of the layers, in order, are those of the
+    /// description. A layer consists of pixels with interleaved channels, and the number of channels.
     pub(super) fn write(&self, file: &File, format: &CStr, layers: &[(&[T], usize)]) -> Result<(), Failure> {
         let fits =
             layers.iter().all(|&(data, channels)| Some(data.len()) == self.pixels.checked_mul(channels));
@@ -171,7 +171,7 @@ impl<T: Sample> Spec<T> {
         }
         let layers: Vec<_> = layers
             .iter()
-            // Cannot overflow: their sum was an i32 in `new`.
+            // The cast cannot overflow: the sum of channels was an i32 in `new`.
             .map(|&(data, channels)| sys::OiioLayer {
                 pixels: data.as_ptr().cast(),
                 channels: channels as i32,
@@ -216,7 +216,7 @@ pub(super) struct Input {
 }
 
 impl Input {
-    /// Opens a file in a format that OpenImageIO names so, at its first part. Reads no more than the header.
+    /// Opens a file in the format with this OpenImageIO name, at its first part. Only the header is read.
     pub(super) fn open(path: &CStr, format: &CStr) -> Result<Self, Failure> {
         let shim = Failure::shim()?;
         let mut error = Failure::empty();
@@ -226,13 +226,13 @@ impl Input {
         Ok(Self { shim, input })
     }
 
-    /// Goes to a part; false where there are not as many.
+    /// Moves to a part; false where the file has no such part.
     pub(super) fn seek(&mut self, part: i32) -> bool {
         // SAFETY: the input is live, and no borrow of its strings is, as `self` is borrowed mutably.
         unsafe { self.shim.oiio_input_seek(self.input.as_ptr(), part) }
     }
 
-    /// Width, height, depth and number of channels. What a file claims may be negative; that is returned as 0.
+    /// Width, height, depth and number of channels. Negative claims of a file are returned as 0.
     pub(super) fn size(&self) -> [u32; 4] {
         let input = self.input.as_ptr();
         // SAFETY: the input is live, and these only read it.
@@ -270,7 +270,7 @@ impl Input {
         unsafe { self.shim.oiio_input_is_deep(self.input.as_ptr()) }
     }
 
-    /// Bytes that decoding one tile or row takes.
+    /// Bytes needed to decode one tile or row.
     pub(super) fn block_bytes(&self) -> u64 {
         // SAFETY: the input is live, and this only reads it.
         unsafe { self.shim.oiio_input_block_bytes(self.input.as_ptr()) }
@@ -304,7 +304,7 @@ impl Input {
         (0..count).filter_map(attribute).collect()
     }
 
-    /// All pixels of this part, from the top, the channels of each side by side.
+    /// All pixels of this part, from the top, with interleaved channels.
     pub(super) fn read(&mut self) -> Result<Vec<f32>, Failure> {
         let [width, height, _, channels] = self.size().map(|number| number as usize);
         let length = width.checked_mul(height).and_then(|pixels| pixels.checked_mul(channels));
@@ -313,7 +313,7 @@ impl Input {
         pixels.try_reserve_exact(length).map_err(|_| Failure::out_of_memory())?;
         pixels.resize(length, 0.0);
         let mut error = Failure::empty();
-        // SAFETY: the input is live, and the shim writes no more than the length that it is told.
+        // SAFETY: the input is live, and the shim writes no more than the given length.
         let read = unsafe {
             self.shim.oiio_input_read(self.input.as_ptr(), pixels.as_mut_ptr(), length, &raw mut error)
         };
@@ -328,10 +328,10 @@ impl Drop for Input {
     }
 }
 
-/// A copy of a text of C; `None` for null.
+/// A copy of a C string; `None` for null.
 ///
 /// # Safety
-/// The text is null or ends in NUL, and lives until this returns.
+/// The string is null or ends in NUL, and lives until this returns.
 unsafe fn text(text: *const c_char) -> Option<String> {
     // SAFETY: as above.
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned())

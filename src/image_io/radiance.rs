@@ -1,45 +1,45 @@
-//! What the header of a Radiance picture (HDR) says of its pixels, which OpenImageIO reads as they are stored: by what they were
-//! multiplied, and in which order they come.
+//! Header of a Radiance picture (HDR): the factor and the order of its pixels. OpenImageIO reads the pixels as they are stored and ignores
+//! both.
 
 use std::io::{self, Read};
 
-/// Longest header that is looked at.
+/// Longest header that is read, in bytes.
 const LONGEST: u64 = 1 << 16;
 
-/// Bytes that say that the pixels are CIE XYZ.
+/// Value of `FORMAT` for pixels in CIE XYZ.
 const XYZ: &str = "32-bit_rle_xyze";
 
-/// Red, green, blue and white of sRGB, and those that Radiance takes where nothing is said.
+/// Chromaticities of red, green, blue and white: those of sRGB, and the defaults of Radiance.
 const USUAL_PRIMARIES: [[f64; 8]; 2] =
     [[0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329], [0.64, 0.33, 0.29, 0.6, 0.15, 0.06, 0.3333, 0.3333]];
 
-/// What was read.
+/// Content of the header.
 #[derive(Debug, PartialEq)]
 pub(super) struct RadianceHeader {
-    /// What red, green and blue were multiplied by.
+    /// Factors that red, green and blue were multiplied by.
     pub(super) factor: [f64; 3],
     pub(super) order: Order,
     pub(super) is_xyz: bool,
-    /// What a user should know.
+    /// Messages for the user.
     pub(super) findings: Vec<String>,
 }
 
-/// In which order pixels come.
+/// Order of the pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Order {
-    /// Columns one after the other, in place of rows.
+    /// Pixels are stored column by column instead of row by row.
     by_column: bool,
-    /// Each row from the right.
+    /// Pixels run from right to left.
     from_right: bool,
-    /// From the lowest row.
+    /// Pixels run from bottom to top.
     from_bottom: bool,
 }
 
 impl Order {
-    /// Rows from the top, each from the left: nearly all files.
+    /// Rows from the top, each from the left, as in nearly all files.
     const USUAL: Self = Self { by_column: false, from_right: false, from_bottom: false };
 
-    /// `-Y 600 +X 800` and the like.
+    /// Parses a resolution line such as `-Y 600 +X 800`.
     fn parse(line: &str) -> Option<Self> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         let &[first, count, second, length] = words.as_slice() else { return None };
@@ -59,7 +59,7 @@ impl Order {
         })
     }
 
-    /// Pixels as stored in `size` (length of a line, number of lines) to rows from the top, and the width and height of these.
+    /// Reorders stored pixels of `size` (length of a line, number of lines) into rows from the top. Also returns their width and height.
     pub(super) fn upright(self, pixels: Vec<f32>, size: [u32; 2], channels: usize) -> (Vec<f32>, [u32; 2]) {
         if self == Self::USUAL {
             return (pixels, size);
@@ -91,7 +91,7 @@ impl RadianceHeader {
         let mut header = Self { factor: [1.0; 3], order: Order::USUAL, is_xyz: false, findings: Vec::new() };
         let mut lines =
             bytes.split(|&byte| byte == b'\n').map(|line| String::from_utf8_lossy(line.trim_ascii()));
-        // Variables up to a blank line.
+        // Variables precede a blank line.
         for line in lines.by_ref() {
             if line.is_empty() {
                 break;
@@ -109,7 +109,7 @@ impl RadianceHeader {
         let are_positive = |numbers: &[f64]| numbers.iter().all(|number| *number > 0.0 && number.is_finite());
         match (name, numbers.as_slice()) {
             ("FORMAT", _) => self.is_xyz = value == XYZ,
-            // Programs add a line for each time that they change it.
+            // Each program that changes the exposure adds a line, so the factors multiply.
             ("EXPOSURE", &[exposure]) if are_positive(&[exposure]) => {
                 self.factor = self.factor.map(|factor| factor * exposure);
             }
@@ -138,7 +138,7 @@ impl RadianceHeader {
         }
     }
 
-    /// Takes back what the pixels were multiplied by.
+    /// Divides the pixels by the factors of the header.
     pub(super) fn restore(&self, pixels: &mut [f32], channels: usize) {
         if self.factor == [1.0; 3] || channels < 3 {
             return;

@@ -14,27 +14,27 @@ use super::oiio::{Failure, Input};
 use super::radiance::RadianceHeader;
 use super::{Image, ImageError, Layer, MetadataValue, is_storage};
 
-/// Most values (width times height times channels) that [`read`] takes: 4 GiB of them.
+/// Most values (width times height times channels) that [`read`] accepts: 4 GiB of memory.
 pub const DEFAULT_LIMIT: u64 = 1 << 30;
 
-/// Reads a picture, as [`read_with_limit`] with [`DEFAULT_LIMIT`].
+/// Reads a picture as [`read_with_limit`] does, with [`DEFAULT_LIMIT`].
 ///
 /// # Errors
-/// As [`read_with_limit`].
+/// As for [`read_with_limit`].
 pub fn read(path: impl AsRef<Path>) -> Result<Image, ImageError> {
     read_with_limit(path, DEFAULT_LIMIT)
 }
 
 /// Reads a picture of at most `limit` values (width times height times channels).
 ///
-/// The kind of file is told by its first bytes, not by its name. Integers of 8 and 16 bits are scaled to 0..1 and otherwise
-/// left as they are: still encoded for display where the file is a PNG or JPEG, alpha not multiplied in.
+/// The first bytes of the file determine its format, not its name (except for TGA). Integers of 8 and 16 bits are scaled to 0..1 and
+/// otherwise unchanged: still encoded for display where the file is a PNG or JPEG, and not multiplied by alpha.
 ///
-/// Channels `layer.R`, `layer.G`, `layer.B` become a layer; those without a dot are the layer without a name, and those of a
-/// part of a multi-part EXR are named after it. Layers come in the order of their names, channels as R, G, B, A or Y, A and then
-/// in the order of theirs. Metadata is that of the first part, apart from how the file is stored.
+/// Channels `layer.R`, `layer.G`, `layer.B` form a layer; channels without a dot form the layer without a name. Layers of a part of a
+/// multi-part EXR are named after the part. Layers are sorted by name; channels are sorted as R, G, B, A or Y, A, and others by name.
+/// Metadata is that of the first part, without storage attributes.
 ///
-/// Memory: the values twice, of 4 bytes each, and a few blocks of at most 128 MiB for each thread. Nothing of that is taken
+/// Reading takes memory for the values twice, at 4 bytes each, and for a few blocks of at most 128 MiB per thread. None of it is allocated
 /// for a file that claims to be larger than `limit`.
 ///
 /// # Errors
@@ -44,14 +44,14 @@ pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, Imag
     let path = path.as_ref();
     let format = recognise(path, limit)?;
     let c_path = CString::new(path.as_os_str().as_bytes()).map_err(|error| unreadable(path, error.into()))?;
-    // First, as OpenImageIO has no words for some of what this refuses.
+    // The Radiance header is read first, as OpenImageIO does not detect everything that this refuses.
     let radiance = if format == FORMAT_HDR { Some(radiance_header(path)?) } else { None };
     let mut input = Input::open(&c_path, format).map_err(|failure| damaged(path, failure))?;
     let [width, height, ..] = input.size();
     let mut image = Image { window: input.window(), ..Image::new(width, height) };
     let mut layers = Layers::default();
     let mut values = 0;
-    // Other formats have pages or frames, of which the first is the picture.
+    // Other formats have pages or frames, of which only the first is read.
     let parts = if format == FORMAT_EXR { i32::MAX } else { 1 };
     for part in 0..parts {
         if part > 0 && !input.seek(part) {
@@ -77,11 +77,10 @@ pub fn read_with_limit(path: impl AsRef<Path>, limit: u64) -> Result<Image, Imag
     Ok(image)
 }
 
-/// Reads a picture that lies in memory, as [`read_with_limit`]; errors call it `name`. The bytes go through a temporary
-/// file.
+/// Reads a picture from memory as [`read_with_limit`] does; errors call it `name`. The bytes go through a temporary file.
 ///
 /// # Errors
-/// As [`read_with_limit`].
+/// As for [`read_with_limit`].
 pub fn read_bytes(bytes: &[u8], name: &Path, limit: u64) -> Result<Image, ImageError> {
     let mut file = tempfile::NamedTempFile::new().map_err(|cause| unreadable(name, cause))?;
     file.write_all(bytes).map_err(|cause| unreadable(name, cause))?;
@@ -90,7 +89,7 @@ pub fn read_bytes(bytes: &[u8], name: &Path, limit: u64) -> Result<Image, ImageE
 
 const FORMAT_EXR: &CStr = c"openexr";
 
-/// The header of a Radiance picture.
+/// Reads the header of a Radiance picture.
 fn radiance_header(path: &Path) -> Result<RadianceHeader, ImageError> {
     let header = open_regular(path).and_then(|(file, _)| RadianceHeader::read(file));
     let header = header.map_err(|cause| unreadable(path, cause))?;
@@ -103,7 +102,7 @@ fn radiance_header(path: &Path) -> Result<RadianceHeader, ImageError> {
 
 const FORMAT_HDR: &CStr = c"hdr";
 
-/// First bytes of a kind of file, and what OpenImageIO calls it.
+/// First bytes of each format, and OpenImageIO's name of it.
 const KINDS: [(&[u8], &CStr); 9] = [
     (&exr_header::MAGIC, FORMAT_EXR),
     (b"\x89PNG\r\n\x1a\n", c"png"),
@@ -116,7 +115,7 @@ const KINDS: [(&[u8], &CStr); 9] = [
     (b"RIFF", c"webp"),
 ];
 
-/// The kind of file, where it is one and does not claim more than it may.
+/// The format of a picture file, after a check that it does not claim more values than `limit`.
 pub(super) fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageError> {
     let (mut file, _) = open_regular(path).map_err(|cause| unreadable(path, cause))?;
     let mut start = Vec::new();
@@ -124,7 +123,7 @@ pub(super) fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageE
     let kind = KINDS.iter().find(|(magic, _)| start.starts_with(magic)).map(|&(_, format)| format);
     let format = match kind {
         Some(format) => format,
-        // The only kind that nothing but the name gives away.
+        // TGA is the only format that can be recognised by the name alone.
         None if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tga")) => c"targa",
         None => return Err(ImageError::NotAPicture { path: path.to_owned() }),
     };
@@ -144,7 +143,7 @@ pub(super) fn recognise(path: &Path, limit: u64) -> Result<&'static CStr, ImageE
     Ok(format)
 }
 
-/// Number of values of the part the input stands at, where it is one to be read.
+/// Number of values of the current part of the input, after a check that it can be read.
 fn check_part(path: &Path, input: &Input, image: &Image, limit: u64) -> Result<u64, ImageError> {
     let unsupported = |what| ImageError::Unsupported { path: path.to_owned(), what };
     let [width, height, depth, channels] = input.size();
@@ -194,12 +193,12 @@ pub(super) fn damaged(path: &Path, failure: Failure) -> ImageError {
     }
 }
 
-/// Layers being put together from the channels of a file.
+/// Layers under construction from the channels of a file.
 #[derive(Default)]
 struct Layers(BTreeMap<String, Layer>);
 
 impl Layers {
-    /// Adds the channels of a part, whose pixels have them side by side.
+    /// Adds the channels of a part, whose pixels have interleaved channels.
     fn add(&mut self, part: &str, names: &[String], pixels: &[f32]) -> Result<(), String> {
         let mut channels_of: BTreeMap<String, Vec<(&str, usize)>> = BTreeMap::new();
         for (index, name) in names.iter().enumerate() {
@@ -208,7 +207,7 @@ impl Layers {
         }
         for (name, mut channels) in channels_of {
             channels.sort_by(|(a, _), (b, _)| conventional_order(a, b));
-            // Grey comes before its alpha.
+            // Grey precedes its alpha.
             if let [("A", _), ("Y", _)] = channels[..] {
                 channels.swap(0, 1);
             }
@@ -230,7 +229,7 @@ impl Layers {
     }
 }
 
-/// Name of a layer of a part, which may have the part's name already.
+/// Name of a layer of a part, with the part's name as a prefix unless it already has it.
 fn qualified(part: &str, layer: &str) -> String {
     let has_it = layer.strip_prefix(part).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'));
     match (part, layer) {
@@ -241,7 +240,7 @@ fn qualified(part: &str, layer: &str) -> String {
     }
 }
 
-/// R, G, B, A; then others by name, among them X, Y, Z.
+/// Order of channels: R, G, B, A, then others by name, such as X, Y, Z.
 fn conventional_order(a: &str, b: &str) -> Ordering {
     let rank = |channel: &str| ["R", "G", "B", "A"].iter().position(|&name| name == channel).unwrap_or(4);
     rank(a).cmp(&rank(b)).then_with(|| a.cmp(b))
@@ -281,7 +280,7 @@ mod tests {
             layers.add("", &names.map(str::to_owned), &values).expect("no name twice");
             assert_eq!(layers.finish(), [Layer::new("", &["Y", "A"], vec![0.25, 1.0])]);
         }
-        // A vector is none of these.
+        // Vector channels keep their order.
         let mut layers = Layers::default();
         layers.add("", &["X", "Y", "Z"].map(str::to_owned), &[1.0, 2.0, 3.0]).expect("no name twice");
         assert_eq!(layers.finish(), [Layer::new("", &["X", "Y", "Z"], vec![1.0, 2.0, 3.0])]);

@@ -1,5 +1,5 @@
-//! Pictures of which only what is looked at lies in memory: tiles, in levels each half as large as the one before, in the cache of
-//! OpenImageIO.
+//! Pictures with tiles and levels, each level half as large as the one before. Only the tiles in use lie in memory, in OpenImageIO's
+//! cache.
 
 use super::ImageError;
 use super::oiio::{Failure, Headers, Level, Sample, Tiles, limit_tiles, write_tiles};
@@ -13,41 +13,41 @@ use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// A picture on disk whose tiles are read when they are looked at. All of them share one cache, see [`set_tile_memory`].
+/// A picture on disk whose tiles are read on demand. All such pictures share one cache, see [`set_tile_memory`].
 #[derive(Debug)]
 pub struct TiledImage {
     tiles: Tiles,
     headers: Headers,
-    /// For messages.
+    /// Name of the file, for messages.
     path: PathBuf,
-    /// A file without a name, which is gone with this.
+    /// A temporary file without a name, which the system deletes when it is closed.
     _file: Option<File>,
 }
 
-/// What could not be read while a picture was rendered; see [`take_tile_failures`].
+/// Errors of reading tiles during a render, by file; see [`take_tile_failures`].
 static FAILURES: Mutex<BTreeMap<PathBuf, String>> = Mutex::new(BTreeMap::new());
 
-/// Memory that the tiles of all pictures together may take, in bytes; 256 MiB unless told otherwise (OpenImageIO's own default).
-/// Tiles that are in use stay, and each thread keeps two.
+/// Sets the memory limit in bytes for the tiles of all pictures together; the default of OpenImageIO is 256 MiB. Tiles in use stay in
+/// memory, and each thread keeps two.
 ///
 /// # Errors
-/// [`ImageError::Library`] where there is no OpenImageIO.
+/// [`ImageError::Library`] if OpenImageIO cannot be loaded.
 pub fn set_tile_memory(bytes: u64) -> Result<(), ImageError> {
     limit_tiles(bytes as f32 / (1 << 20) as f32).map_err(|failure| damaged(Path::new(""), failure))
 }
 
-/// What could not be read of tiled pictures since this was called last, each once: a file that was damaged, or changed, or went
-/// away after it was opened. Such texels have the value they would have without a picture there: black, alpha 1.
+/// Errors of reading tiled pictures since the last call, one for each file: the file was damaged, or changed or removed after it was
+/// opened. Texels that cannot be read are black with alpha 1.
 pub fn take_tile_failures() -> Vec<String> {
     let mut failures = FAILURES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     std::mem::take(&mut *failures).into_values().collect()
 }
 
 impl TiledImage {
-    /// Opens a file that has tiles and levels, as `maketx` makes them (TIFF or EXR); `None` for any other picture.
+    /// Opens a file with tiles and levels, such as from `maketx` (TIFF or EXR); `None` for any other picture.
     ///
     /// # Errors
-    /// As [`super::read`], but for what is found only when pixels are read.
+    /// As for [`super::read`], except errors that appear only when pixels are read.
     pub fn open(path: &Path) -> Result<Option<Self>, ImageError> {
         let kind = recognise(path, u64::MAX)?;
         if kind != c"tiff" && kind != c"openexr" {
@@ -64,7 +64,7 @@ impl TiledImage {
         Ok(Some(Self { tiles, headers, path: path.to_owned(), _file: None }))
     }
 
-    /// Writes levels of eight bits, the finest first, to a file as [`Self::open`] reads it.
+    /// Writes levels of eight bits, the finest first, to a file for [`Self::open`].
     ///
     /// # Errors
     /// [`ImageError::Write`] and [`ImageError::Encode`].
@@ -78,10 +78,10 @@ impl TiledImage {
         write_tiles(&name, &levels).map_err(|failure| unwritten(path, failure))
     }
 
-    /// Moves levels of eight bits out of memory, to a file that nobody else sees and that is gone with the picture.
+    /// Moves levels of eight bits from memory to a temporary file without a name, which is deleted with the picture.
     ///
     /// # Errors
-    /// [`ImageError::Write`] and [`ImageError::Encode`] where the folder of temporary files (`TMPDIR`) does not take it.
+    /// [`ImageError::Write`] and [`ImageError::Encode`] if the file cannot be written to the folder of temporary files (`TMPDIR`).
     pub fn from_bytes<'a>(
         name: &Path,
         levels: impl Iterator<Item = (&'a [[u8; 4]], [u32; 2])>,
@@ -89,10 +89,10 @@ impl TiledImage {
         Self::moved(name, levels)
     }
 
-    /// The same of sixteen bits.
+    /// Moves levels of sixteen bits as [`Self::from_bytes`] does.
     ///
     /// # Errors
-    /// As [`Self::from_bytes`].
+    /// As for [`Self::from_bytes`].
     pub fn from_words<'a>(
         name: &Path,
         levels: impl Iterator<Item = (&'a [[u16; 4]], [u32; 2])>,
@@ -107,7 +107,7 @@ impl TiledImage {
         let folder = std::env::temp_dir();
         let refused = |cause: io::Error| ImageError::Write { path: folder.join("texture"), cause };
         let file = tempfile::tempfile_in(&folder).map_err(refused)?;
-        // By this, the library opens a file that has no name in any folder.
+        // Through this path the library opens a file that has no name in any folder.
         let path = CString::new(format!("/proc/self/fd/{}", file.as_raw_fd()));
         let path = path.map_err(|error| refused(error.into()))?;
         let levels: Vec<Level<'_, T>> = levels.map(|(texels, size)| Level { texels, size }).collect();
@@ -122,7 +122,7 @@ impl TiledImage {
         Ok(Self { tiles, headers, path: name.to_owned(), _file: Some(file) })
     }
 
-    /// Width and height of each level, the finest first; at least one, and none is 0.
+    /// Width and height of each level, the finest first. There is at least one level, and no size is 0.
     pub fn levels(&self) -> &[[u32; 2]] {
         &self.headers.levels
     }
@@ -132,24 +132,24 @@ impl TiledImage {
         self.headers.channels
     }
 
-    /// Bits of a number in the file.
+    /// Bits per value in the file.
     pub fn bits(&self) -> u32 {
         self.headers.bits
     }
 
-    /// Whether the file says that its colours are linear.
+    /// Whether the file states that its colours are linear.
     pub fn is_linear(&self) -> bool {
         self.headers.is_linear
     }
 
-    /// Whether colours are multiplied by the alpha beside them.
+    /// Whether colours are premultiplied by alpha.
     pub fn is_associated(&self) -> bool {
         self.headers.is_associated
     }
 
-    /// Reads a window of a level, rows from the top: the first four channels, integers scaled to 0..1. Channels that the file does
-    /// not have, and all of a window that does not lie within the level or cannot be read, stay as they are; the latter is told by
-    /// [`take_tile_failures`].
+    /// Reads a window of a level, rows from the top: the first four channels, with integers scaled to 0..1. Channels that the file lacks
+    /// keep their values. A window that does not lie within the level or cannot be read keeps all its values; [`take_tile_failures`]
+    /// reports such failures.
     #[inline]
     pub fn read(&self, level: usize, from: [u32; 2], size: [u32; 2], texels: &mut [[f32; 4]]) {
         if let Err(failure) = self.tiles.read(level, from, size, texels) {
@@ -160,7 +160,7 @@ impl TiledImage {
     #[cold]
     fn remember(&self, failure: Failure) {
         let mut failures = FAILURES.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        // The library numbers tiles and levels in what it says; one of them is enough.
+        // Messages of the library name tiles and levels; one message per file is enough.
         failures.entry(self.path.clone()).or_insert_with(|| damaged(&self.path, failure).to_string());
     }
 }

@@ -16,35 +16,35 @@ use crate::files::open_regular;
 /// Longest name of a channel that EXR allows, in bytes.
 const LONGEST_NAME: usize = 255;
 
-/// Whether a file could be written to `path` as things stand: tries it beside that place, and leaves nothing behind.
+/// Checks whether a file can be written to `path` at present. It tries a temporary file in the same folder and leaves nothing behind.
 ///
 /// # Errors
-/// [`ImageError::Write`] where the folder is missing, full or not to be written to, or `path` is a folder or a device.
+/// [`ImageError::Write`] if the folder is missing, full or not writable, or if `path` is a folder or a device.
 pub fn check_writable(path: impl AsRef<Path>) -> Result<(), ImageError> {
     let path = path.as_ref();
     let checked = if is_standard_output(path) { Err(no_standard_output()) } else { check(path) };
     checked.map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
 }
 
-/// Whether a path stands for standard output: `-`, as programs that write texts have it.
+/// Whether a path means standard output: `-`, as is usual for programs that write text.
 pub fn is_standard_output(path: impl AsRef<Path>) -> bool {
     path.as_ref().as_os_str() == "-"
 }
 
-/// True where both names lead to one file, through whatever links, hard ones too, or writing to both would write one file.
+/// Whether both names lead to one file through symbolic or hard links, or whether writing to both would write one file.
 pub fn is_same_file(a: impl AsRef<Path>, b: impl AsRef<Path>) -> bool {
     let (a, b) = (a.as_ref(), b.as_ref());
     let is_one_name = matches!((destination(a), destination(b)), (Ok(a), Ok(b)) if a == b);
-    // Also where the disk does not distinguish capitals.
+    // Device and inode also identify files on disks that ignore case.
     let identity = |path| fs::metadata(path).map(|found| (found.dev(), found.ino()));
     is_one_name || matches!((identity(a), identity(b)), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Bytes at the start of a file in which its mark is looked for: more than any header that this program writes.
+/// Bytes at the start of a file that are searched for the mark: more than any header that this program writes.
 const MARKED: u64 = 1 << 22;
 
-/// Whether a file bears the mark of this program: metadata `cardioid/version` of an EXR, the text `Software` of a PNG, the first
-/// bytes of photon maps and of rounds. False where it cannot be read.
+/// Whether a file has the mark of this program: metadata `cardioid/version` of an EXR, the text `Software` of a PNG, or the first bytes of
+/// photon maps and of checkpoints. False where the file cannot be read.
 pub fn is_written_by_cardioid(path: impl AsRef<Path>) -> bool {
     const STARTS: [&[u8]; 4] =
         [&exr_header::MAGIC, b"\x89PNG\r\n\x1a\n", b"\x89CPM\r\n\x1a\n", b"cardioid rounds\n"];
@@ -55,17 +55,17 @@ pub fn is_written_by_cardioid(path: impl AsRef<Path>) -> bool {
     read.is_ok() && STARTS.iter().zip(MARKS).any(|(start, mark)| head.starts_with(start) && holds(mark))
 }
 
-/// Why what is no text does not go there.
+/// The error of writing anything but text to standard output.
 fn no_standard_output() -> io::Error {
     io::Error::other(
         "`-` stands for standard output, which takes texts alone; name a file (`./-` for one of that name)",
     )
 }
 
-/// Writes a text; to standard output where `path` is `-`.
+/// Writes a text, to standard output where `path` is `-`.
 ///
 /// # Errors
-/// [`ImageError::Write`] where the system refuses. The file that was there before, if any, is then still there.
+/// [`ImageError::Write`] if the system reports an error. An existing file is then unchanged.
 pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<(), ImageError> {
     let path = path.as_ref();
     let written = if is_standard_output(path) {
@@ -77,10 +77,10 @@ pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<(), ImageError> 
     written.map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
 }
 
-/// Writes whatever `fill` writes.
+/// Writes a file whose content comes from `fill`.
 ///
 /// # Errors
-/// [`ImageError::Write`] where the system or `fill` refuses. The file that was there before, if any, is then still there.
+/// [`ImageError::Write`] if the system or `fill` reports an error. An existing file is then unchanged.
 pub fn write_with(
     path: impl AsRef<Path>,
     fill: impl FnOnce(&File) -> io::Result<()>,
@@ -89,10 +89,10 @@ pub fn write_with(
     write_atomically(path, fill).map_err(|cause| ImageError::Write { path: path.to_owned(), cause })
 }
 
-/// [`write_with`], through a buffer.
+/// Writes as [`write_with`] does, through a buffer.
 ///
 /// # Errors
-/// [`ImageError::Write`] where the system or `fill` refuses. The file that was there before, if any, is then still there.
+/// [`ImageError::Write`] if the system or `fill` reports an error. An existing file is then unchanged.
 pub fn write_bytes(
     path: impl AsRef<Path>,
     fill: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
@@ -108,36 +108,36 @@ pub fn write_bytes(
 
 /// Writes an EXR: 32-bit float, losslessly compressed (ZIP), all layers in one part.
 ///
-/// Channels are named as every viewer knows them: `R`, `G`, `B` of the layer without a name, `normal.X`, `depth.Z` of others.
-/// Numbers are stored bit by bit, NaN and infinity included; ids are stored as numbers, exact below 2^24.
+/// Channels have the usual names: `R`, `G`, `B` for the layer without a name, and names like `normal.X` and `depth.Z` for others. Values
+/// are stored bit by bit, including NaN and infinity; ids are stored as numbers, exact below 2^24.
 ///
-/// Metadata is best given names with a colon (`cardioid:seed`), as EXR gives meaning and a type to some plain ones. Nothing is
-/// added to it: the same picture gives the same file, byte by byte.
+/// Metadata names should contain a colon (`cardioid:seed`), as EXR gives some plain names a meaning and a type. No metadata is added: the
+/// same picture gives the same file, byte by byte.
 ///
 /// # Errors
-/// [`ImageError::Inconsistent`] where the layers do not fit the picture or names are unfit, [`ImageError::Write`] where the
-/// system refuses. The file that was there before, if any, is then still there.
+/// [`ImageError::Inconsistent`] if the layers do not fit the picture or names are invalid, [`ImageError::Write`] if the system reports an
+/// error. An existing file is then unchanged.
 pub fn write_exr(path: impl AsRef<Path>, image: &Image) -> Result<(), ImageError> {
     let path = path.as_ref();
     let encode = exr_encoder(path, image)?;
     write_atomically(path, encode).map_err(|failure| refused(path, failure))
 }
 
-/// How long writing an EXR takes, on the disk of `path`; nothing is left of it.
+/// Measures the time to write an EXR on the disk of `path`, and leaves no file behind.
 ///
 /// # Errors
-/// As [`write_exr`].
+/// As for [`write_exr`].
 pub fn time_to_write_exr(path: impl AsRef<Path>, image: &Image) -> Result<Duration, ImageError> {
     let path = path.as_ref();
     let encode = exr_encoder(path, image)?;
-    // Loading the library, where that was not done yet, comes once.
+    // The library is loaded before the measurement, as this happens only once.
     load_library();
     let start = Instant::now();
     try_beside(path, encode).map_err(|failure| refused(path, failure))?;
     Ok(start.elapsed())
 }
 
-/// What fills a file with an EXR.
+/// A function that writes an EXR to a file.
 fn exr_encoder<'a>(
     path: &Path,
     image: &'a Image,
@@ -158,8 +158,8 @@ fn exr_encoder<'a>(
             spec.set_window(window)?;
         }
         spec.set_text(c"compression", c"zip")?;
-        // Otherwise OpenImageIO adds the time of day, and the same picture never gives the same file. Of the wrong type, it
-        // is not stored; a date among the metadata replaces it.
+        // Otherwise OpenImageIO adds the time of day, and the same picture never gives the same file. A `DateTime` of the wrong type is
+        // not stored; a date in the metadata replaces it.
         spec.set_int(c"DateTime", 0)?;
         for (name, value) in &metadata {
             match value {
@@ -172,8 +172,8 @@ fn exr_encoder<'a>(
     })
 }
 
-/// Pixels of a PNG, row by row from the top, the channels of each side by side: as the file holds them, so already encoded
-/// for display (sRGB), alpha not multiplied in.
+/// Pixels of a PNG, row by row from the top, with interleaved channels. Values are those of the file: encoded for display (sRGB) and not
+/// multiplied by alpha.
 #[derive(Clone, Copy, Debug)]
 pub enum PngPixels<'a> {
     /// Grey, 8 bits.
@@ -190,7 +190,7 @@ pub enum PngPixels<'a> {
     Rgba16(&'a [u16]),
 }
 
-/// What wrote a PNG, which is its mark ([`is_written_by_cardioid`]).
+/// Value of `Software` in a PNG, which marks it as written by this program ([`is_written_by_cardioid`]).
 const SOFTWARE: &CStr =
     match CStr::from_bytes_with_nul(concat!("cardioid ", env!("CARGO_PKG_VERSION"), "\0").as_bytes()) {
         Ok(text) => text,
@@ -200,8 +200,8 @@ const SOFTWARE: &CStr =
 /// Writes a PNG, marked as sRGB, and as written by this program.
 ///
 /// # Errors
-/// [`ImageError::Inconsistent`] where the pixels do not fit the size, [`ImageError::Write`] where the system refuses. The
-/// file that was there before, if any, is then still there.
+/// [`ImageError::Inconsistent`] if the pixels do not fit the size, [`ImageError::Write`] if the system reports an error. An existing file
+/// is then unchanged.
 pub fn write_png(
     path: impl AsRef<Path>,
     width: u32,
@@ -260,7 +260,7 @@ fn refused(path: &Path, failure: Failure) -> ImageError {
     }
 }
 
-/// What is wrong with the place of a picture in a larger one.
+/// Error message for a window that does not lie within the larger picture; `None` where it does.
 fn misplaced(image: &Image, window: Window) -> Option<String> {
     let fits = |first: i64, length: u32, all: u32| first >= 0 && first + i64::from(length) <= i64::from(all);
     let Window { x, y, full_width, full_height } = window;
@@ -273,7 +273,7 @@ fn misplaced(image: &Image, window: Window) -> Option<String> {
     })
 }
 
-/// Number of values of a picture that has any.
+/// Number of values of a picture; an error where it has none or too many.
 fn values(width: u32, height: u32, channels: usize) -> Result<usize, String> {
     if width == 0 || height == 0 || channels == 0 {
         return Err(format!("a picture of {width} x {height} pixels and {channels} channels holds nothing"));
@@ -284,7 +284,7 @@ fn values(width: u32, height: u32, channels: usize) -> Result<usize, String> {
         .ok_or_else(|| format!("{width} x {height} pixels of {channels} channels are too many"))
 }
 
-/// Names of all channels as the file has them, or what is wrong with the layers.
+/// Names of all channels in the file, or an error message about the layers.
 fn channel_names(image: &Image) -> Result<Vec<CString>, String> {
     let mut names = Vec::new();
     let mut seen = BTreeSet::new();
@@ -319,14 +319,14 @@ fn channel_name(layer: &Layer, channel: &str) -> Result<String, String> {
     Ok(name)
 }
 
-/// A [`MetadataValue`] ready for C.
+/// A [`MetadataValue`] in a form for C.
 enum Value {
     Text(CString),
     Int(i32),
     Double(f64),
 }
 
-/// The metadata ready for C, or what is wrong with it.
+/// The metadata in a form for C, or an error message about it.
 fn metadata_of(image: &Image) -> Result<Vec<(CString, Value)>, String> {
     let mut seen = BTreeSet::new();
     let mut metadata = Vec::with_capacity(image.metadata.len());

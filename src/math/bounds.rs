@@ -1,3 +1,5 @@
+//! Axis-aligned bounding boxes.
+
 use glam::{DAffine3, DVec3};
 
 /// An axis-aligned box in `f64`. Empty when `min > max` in some axis.
@@ -10,7 +12,7 @@ pub struct Bounds3 {
 }
 
 impl Bounds3 {
-    /// The box that contains nothing.
+    /// The empty box.
     pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
     /// The smallest box around `points`.
@@ -18,7 +20,7 @@ impl Bounds3 {
         points.into_iter().fold(Self::EMPTY, |bounds, p| bounds.with_point(p))
     }
 
-    /// True where the box contains nothing.
+    /// Whether the box is empty.
     pub fn is_empty(&self) -> bool {
         !(self.min.cmple(self.max).all())
     }
@@ -28,7 +30,7 @@ impl Bounds3 {
         Self { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The smallest box around both.
+    /// The smallest box around both boxes.
     pub fn union(self, other: Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
@@ -50,7 +52,7 @@ impl Bounds3 {
         ((point - nearest).length(), farthest.length())
     }
 
-    /// The box around the eight transformed corners.
+    /// The smallest box around the eight transformed corners.
     pub fn transformed(&self, transform: &DAffine3) -> Self {
         if self.is_empty() {
             return *self;

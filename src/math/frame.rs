@@ -1,3 +1,5 @@
+//! Orthonormal frames.
+
 use glam::Vec3;
 
 /// A right-handed orthonormal frame; `z` is the normal.
@@ -26,11 +28,11 @@ impl Frame {
         }
     }
 
-    /// A frame around the unit vector `z` whose `x` is the direction of `tangent` within the surface; as
-    /// [`Self::from_z`] where it has none.
+    /// A frame around the unit vector `z` whose `x` is the normalized projection of `tangent` onto the surface. Where the projection
+    /// vanishes, the frame is that of [`Self::from_z`].
     #[inline]
     pub fn with_tangent(z: Vec3, tangent: Vec3) -> Self {
-        // Twice, so that what rounding leaves of the normal's direction in a nearly parallel tangent goes too.
+        // The projection is done twice: for a tangent nearly parallel to the normal, rounding leaves a normal component after the first.
         let within = |v: Vec3| super::unit(v - z * z.dot(v));
         match super::unit(tangent).and_then(within).and_then(within) {
             Some(x) => Self { x, y: z.cross(x), z },

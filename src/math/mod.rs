@@ -1,8 +1,8 @@
-//! Geometry that everything else stands on: rays, bounds, frames, compact encodings and rounding bounds.
+//! Basic geometry: rays, bounds, frames, compact encodings and rounding bounds.
 //!
 //! Positions and directions inside the renderer are `f32` in *render space* (see `docs/conventions.md`): the
-//! scene recentred and scaled by a power of two so that it fits the unit sphere. Whatever is computed before
-//! that, or needs more care, is `f64`.
+//! scene recentred and scaled by a power of two so that it fits the unit sphere. Computations before that step, or
+//! with higher demands on precision, use `f64`.
 
 mod bounds;
 mod frame;
@@ -27,14 +27,14 @@ pub fn luminance(colour: Rgb) -> f32 {
 
 /// `v / |v|`, or `None` where the length is zero or not finite.
 ///
-/// The only way this crate makes a unit vector out of one that may be degenerate.
+/// All code in this crate that normalizes a possibly degenerate vector uses this function.
 pub fn unit(v: glam::Vec3) -> Option<glam::Vec3> {
     let scale = v.abs().max_element();
     // `max_element` may skip NaN.
     if !(v.is_finite() && scale > 0.0) {
         return None;
     }
-    // Scaled first, so that neither 1e-30 nor 1e30 leaves the range of the squared length.
+    // The vector is scaled first, so that the squared length of neither 1e-30 nor 1e30 leaves the range of `f32`.
     let scaled = v / scale;
     Some(scaled / scaled.length())
 }

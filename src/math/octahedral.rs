@@ -1,6 +1,8 @@
+//! Octahedral encoding of unit vectors.
+
 use glam::{Vec3, Vec4, Vec4Swizzles};
 
-/// A unit vector in `2 * bits` bits by the octahedral map, each coordinate rounded to the nearest of
+/// Encodes a unit vector in `2 * bits` bits with the octahedral map. Each coordinate is rounded to the nearest of
 /// `2^bits - 1` steps (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors",
 /// JCGT 3(2), 2014). `bits` is at most 16.
 ///
@@ -10,7 +12,7 @@ pub fn octahedral_encode(v: Vec3, bits: u32) -> u32 {
     octahedral_encode_two([v, v], [bits, bits])[0]
 }
 
-/// [`octahedral_encode`] of two vectors, which together fill the four lanes of a register.
+/// [`octahedral_encode`] of two vectors at once, which fill the four lanes of a register.
 #[inline]
 pub fn octahedral_encode_two(v: [Vec3; 2], bits: [u32; 2]) -> [u32; 2] {
     let [a, b] = v;
@@ -22,8 +24,8 @@ pub fn octahedral_encode_two(v: [Vec3; 2], bits: [u32; 2]) -> [u32; 2] {
     let lower = (Vec4::ONE - upper.yxwz().abs()) * Vec4::ONE.copysign(upper);
     let plane = Vec4::select(z.cmplt(Vec4::ZERO), lower, upper);
     let unit = (plane * 0.5 + 0.5).max(Vec4::ZERO).min(Vec4::ONE);
-    // Adding 2^23 rounds to a whole number in the low bits: `round` is a call where the processor has no such
-    // instruction, and a cast checks its range.
+    // Adding 2^23 rounds to an integer in the low bits. This is faster than `round`, which is a function call where the processor has no
+    // such instruction, and than a cast, which checks its range.
     let rounded = unit * Vec4::new(steps_a, steps_a, steps_b, steps_b) + 8_388_608.0;
     let [ax, ay, bx, by] = rounded.to_array();
     let whole = |c: f32| c.to_bits() & 0xffff;
@@ -58,7 +60,7 @@ mod tests {
                 let v = Vec3::new(r * phi.cos(), r * phi.sin(), z);
                 worst = worst.max((octahedral_decode(octahedral_encode(v, bits), bits) - v).length());
             }
-            // The bound of the documentation, with room for the curvature that its first order leaves out.
+            // The documented bound is of first order; the margin allows for curvature.
             let bound = 18f32.sqrt() / ((1u32 << bits) - 2) as f32;
             assert!(worst < 1.02 * bound && worst > 0.5 * bound, "{bits} bits: {worst} against {bound}");
         }

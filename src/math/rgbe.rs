@@ -1,3 +1,5 @@
+//! RGBE encoding of colours in four bytes.
+
 use super::Rgb;
 use glam::Vec3A;
 
@@ -7,44 +9,44 @@ use glam::Vec3A;
 pub struct Rgbe(pub [u8; 4]);
 
 impl Rgbe {
-    /// Encodes `colour`, rounding each mantissa up or down at random with the expectation kept exact.
+    /// Encodes `colour`. Each mantissa is rounded up or down at random, which keeps its expectation exact.
     ///
-    /// Rounding to nearest would shift the flux of a whole map by up to 0.2 %, as many photons carry the same
-    /// power; `u` in `[0, 1)` decides instead, three times from different bits of it. Negative and NaN
-    /// channels become zero, infinite ones the largest value.
+    /// Rounding to nearest would shift the flux of a whole map by up to 0.2 %, as many photons carry the same power. The random number `u`
+    /// in `[0, 1)` decides instead, with different bits for the three channels. Negative and NaN channels become zero, infinite ones the
+    /// largest value.
     pub fn encode_dithered(colour: Rgb, u: f32) -> Self {
         let colour = Vec3A::from(colour).max(Vec3A::ZERO).min(Vec3A::splat(LARGEST));
         let largest = colour.max_element();
-        // Below the normal range of f32 a photon is zero: such flux is lost in any sum.
+        // A colour below the normal range of f32 becomes zero: such flux is lost in any sum.
         if !(largest >= f32::MIN_POSITIVE) {
             return Self([0; 4]);
         }
         let mut exponent = exponent_of(largest);
-        // The largest mantissa may round up to 256; then the next exponent holds it.
+        // The largest mantissa may round up to 256, which needs the next exponent.
         if largest * scale_for(exponent) > 255.0 {
             exponent += 1;
         }
         let scale = scale_for(exponent);
         let bits = (u * 16_777_216.0) as u32;
-        // Sixteen bits for each channel; that they overlap ties the roundings of channels together, which no mean sees.
+        // Each channel uses sixteen bits. They overlap, which correlates the rounding of the channels but does not affect any mean.
         let dither = |bits: u32| (bits & 0xffff) as i32 as f32;
         let dither = Vec3A::new(dither(bits >> 8), dither(bits), dither(bits << 8 | bits >> 16));
-        // Rounding to nearest of what was moved by half a step less: rounding down, at random. 2^23 brings the whole
-        // number into the low bits.
+        // A shift by a random threshold in half a step around zero, followed by rounding to nearest, is random rounding. Adding 2^23 brings
+        // the integer into the low bits.
         let threshold = (dither - 32_767.5) * (1.0 / 65_536.0);
         let moved = (colour * scale + threshold).max(Vec3A::ZERO).min(Vec3A::splat(255.0));
         let [r, g, b] = (moved + 8_388_608.0).to_array();
         Self([r.to_bits() as u8, g.to_bits() as u8, b.to_bits() as u8, (exponent + 128) as u8])
     }
 
-    /// The colour.
+    /// Decodes the colour.
     #[inline]
     pub fn decode(self) -> Rgb {
         let [r, g, b, e] = self.0;
         if e == 0 {
             return Rgb::ZERO;
         }
-        // 2^(e - 136), exactly; in two factors, as the smallest lies below the normal range.
+        // 2^(e - 136).
         let scale = f32::from_bits(u32::from(e.max(10) - 9) << 23);
         Rgb::new(f32::from(r), f32::from(g), f32::from(b)) * scale
     }
@@ -58,7 +60,7 @@ fn exponent_of(x: f32) -> i32 {
     (((x.to_bits() >> 23) as i32) - 126).max(-117)
 }
 
-/// 2^(8 - exponent), for what [`exponent_of`] gives and one more.
+/// 2^(8 - exponent), for the results of [`exponent_of`] and one more.
 fn scale_for(exponent: i32) -> f32 {
     f32::from_bits(((8 + 127 - exponent) as u32) << 23)
 }
@@ -74,7 +76,7 @@ mod tests {
             let mut sum = [0f64; 3];
             let n = 65_536;
             for i in 0..n {
-                // All combinations of the three dithers would take 2^24; a Weyl sequence covers them evenly.
+                // All combinations of the three dithers would take 2^24 samples; a Weyl sequence covers them evenly.
                 let u = ((i as u64 * 11_400_714_819_323_198_485) >> 40) as f32 / 16_777_216.0;
                 let decoded = Rgbe::encode_dithered(colour, u).decode();
                 assert!((decoded - colour).abs().max_element() <= scale / 127.0);

@@ -1,12 +1,14 @@
+//! Error figures of a picture against a reference.
+
 use super::flip::mean_flip;
 use crate::math::{Rgb, luminance};
 use serde::Serialize;
 use thiserror::Error;
 
-/// Why two pictures cannot be compared.
+/// An error that prevents the comparison of two pictures.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum MeasureError {
-    /// The number of values is not three a pixel.
+    /// The number of values is not three per pixel.
     #[error("{values} values are not {width} x {height} pixels of three channels")]
     Length {
         /// Values given.
@@ -19,7 +21,7 @@ pub enum MeasureError {
     /// A picture without pixels.
     #[error("the picture has no pixel")]
     Empty,
-    /// Different sizes.
+    /// The sizes differ.
     #[error("the picture has {} x {} pixels, the reference {} x {}", test.0, test.1, reference.0, reference.1)]
     Size {
         /// Size of the picture.
@@ -27,7 +29,7 @@ pub enum MeasureError {
         /// Size of the reference.
         reference: (u32, u32),
     },
-    /// A reference that cannot be one.
+    /// The reference has a value that is not finite.
     #[error("the reference is not finite at pixel {x},{y}")]
     Reference {
         /// Column.
@@ -37,7 +39,7 @@ pub enum MeasureError {
     },
 }
 
-/// A view of linear RGB: rows from the top, the three channels of a pixel side by side.
+/// A view of linear RGB: rows from the top, with the three channels interleaved.
 #[derive(Clone, Copy, Debug)]
 pub struct Picture<'a> {
     width: u32,
@@ -74,39 +76,36 @@ impl<'a> Picture<'a> {
     }
 }
 
-/// What pictures are compared with: one picture, or the mean of two that were rendered with independent random
-/// numbers.
+/// Reference of a comparison: one picture, or the mean of two that were rendered with independent random numbers.
 #[derive(Clone, Debug)]
 pub struct Reference {
     width: u32,
     height: u32,
     mean: Vec<f32>,
     halves: Option<[Vec<f32>; 2]>,
-    /// Largest luminance in the 5 x 5 pixels around each.
+    /// Largest luminance in the 5 x 5 pixels around each pixel.
     brightest: Vec<f32>,
 }
 
 /// Error figures of a picture t against a reference r with independent halves r1 and r2. Means are over pixels
-/// and channels; all sums are `f64`. Pixels of t that are not finite are left out of all but `nan` and `flip`;
-/// where none is left, the figures are NaN.
+/// and channels; all sums are `f64`. Pixels of t that are not finite are left out of all figures but `nan` and `flip`;
+/// where no pixel is left, the figures are NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ErrorFigures {
     /// `sqrt(mean((t - r)^2))`.
     pub rmse: f64,
     /// `mean((t - r)^2 / (r^2 + 0.01))`.
     pub relmse: f64,
-    /// `mean((t - r1) (t - r2) / (r^2 + 0.01))`: the same, free of the reference's noise, which enters r1 and r2
-    /// independently. The one to quote. May be negative for a picture as good as the reference. `None` where
-    /// there are no halves.
+    /// `mean((t - r1) (t - r2) / (r^2 + 0.01))`: the same without the reference's noise, which is independent in r1 and r2. This is the
+    /// figure to quote. It may be negative for a picture as good as the reference. `None` where there are no halves.
     pub relmse_u: Option<f64>,
-    /// `sqrt(mean((t - r1) (t - r2) / (r^2 + f)))` with f a hundredth of the square of the reference's mean, which knows no
-    /// unit of light: the error that progressive rendering estimates. Zero where the mean is negative; `None` where there are no
-    /// halves.
+    /// `sqrt(mean((t - r1) (t - r2) / (r^2 + f)))` with f a hundredth of the square of the reference's mean, which makes it
+    /// independent of the unit of light. Progressive rendering estimates this error. It is zero where the mean is negative; `None` where
+    /// there are no halves.
     pub relrmse_u: Option<f64>,
-    /// `relmse` without the 0.1 % of pixels, rounded up, whose mean over the channels is largest; NaN for
-    /// a single pixel.
+    /// `relmse` without the 0.1 % of pixels (rounded up) with the largest mean over the channels; NaN for a single pixel.
     pub relmse_t: f64,
-    /// Mean luminance of t above that of r, percent of the latter; not finite where r is black.
+    /// Excess of the mean luminance of t over that of r, in percent of the latter; not finite where r is black.
     pub bias: f64,
     /// Share of pixels whose luminance exceeds twice the largest in the reference's 5 x 5 neighbourhood plus 1.
     pub firefly: f64,
@@ -116,16 +115,16 @@ pub struct ErrorFigures {
     pub flip: f64,
 }
 
-/// What is added to r^2 in relative errors, so that black pixels count without dominating.
+/// Floor that is added to r^2 in relative errors, so that black pixels count without dominating.
 const FLOOR: f64 = 0.01;
 
 impl Reference {
-    /// A single picture; its own noise counts as error of what is compared with it.
+    /// A single picture as reference; its noise counts as error of the compared picture.
     pub fn single(picture: Picture<'_>) -> Result<Self, MeasureError> {
         Self::new(picture, picture.values.to_vec(), None)
     }
 
-    /// Two independent halves of the same picture.
+    /// Two independent halves of the same picture as reference.
     pub fn halves(first: Picture<'_>, second: Picture<'_>) -> Result<Self, MeasureError> {
         if first.size() != second.size() {
             return Err(MeasureError::Size { test: second.size(), reference: first.size() });
@@ -150,12 +149,12 @@ impl Reference {
         Ok(Self { width, height, mean, halves, brightest })
     }
 
-    /// The picture itself, or the mean of both halves.
+    /// The reference picture, or the mean of both halves.
     pub fn picture(&self) -> Picture<'_> {
         Picture { width: self.width, height: self.height, values: &self.mean }
     }
 
-    /// True where `test` is one of the halves: then its `relmse_u` is zero and says nothing.
+    /// Whether `test` is one of the halves: then its `relmse_u` is zero and meaningless.
     pub fn is_half(&self, test: Picture<'_>) -> bool {
         self.halves.iter().flatten().any(|half| half == test.values)
     }
@@ -163,7 +162,7 @@ impl Reference {
     /// All error figures of `test`.
     pub fn compare(&self, test: Picture<'_>) -> Result<ErrorFigures, MeasureError> {
         self.check_size(test)?;
-        // Something above zero also where the reference is black.
+        // The floor is above zero also where the reference is black.
         let mean = self.mean.iter().map(|&v| f64::from(v).abs()).sum::<f64>() / self.mean.len() as f64;
         let floor = (FLOOR * mean * mean).max(f64::MIN_POSITIVE);
         let mut sums = Sums::default();
@@ -175,7 +174,7 @@ impl Reference {
             }
             let halves = self.halves.as_ref().map(|h| h.each_ref().map(|h| Rgb::from_slice(&h[3 * pixel..])));
             errors.push(sums.add(t, r, halves, floor));
-            // In f64: twice the largest f32 is not an f32.
+            // Computed in f64, as twice the largest f32 overflows f32.
             let limit = 2.0 * f64::from(self.brightest[pixel]) + 1.0;
             sums.fireflies += u64::from(f64::from(luminance(t)) > limit);
         }
@@ -204,7 +203,7 @@ impl Reference {
     }
 }
 
-/// Sums over pixels, all channels of one together.
+/// Sums over pixels and channels.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     pixels: u64,
@@ -219,7 +218,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// Adds a pixel and returns its relative squared error, mean over the channels.
+    /// Adds a pixel and returns its relative squared error, averaged over the channels.
     fn add(&mut self, t: Rgb, r: Rgb, halves: Option<[Rgb; 2]>, floor: f64) -> f64 {
         let (t, r) = (t.as_dvec3(), r.as_dvec3());
         let squared = (t - r) * (t - r);
@@ -240,7 +239,7 @@ impl Sums {
     }
 
     fn figures(&self, has_halves: bool, relmse_t: f64, flip: f64) -> ErrorFigures {
-        // No finite pixel: 0 / 0 makes the figures NaN.
+        // Without a finite pixel, 0 / 0 makes the figures NaN.
         let values = 3.0 * self.pixels as f64;
         ErrorFigures {
             rmse: (self.squared / values).sqrt(),
@@ -256,14 +255,14 @@ impl Sums {
     }
 }
 
-/// Mean of `errors` without the largest thousandth, rounded up; NaN of nothing.
+/// Mean of `errors` without the largest thousandth (rounded up); NaN where none is left.
 fn trimmed_mean(mut errors: Vec<f64>) -> f64 {
     let kept = errors.len() - errors.len().div_ceil(1000);
     errors.sort_unstable_by(f64::total_cmp);
     errors[..kept].iter().sum::<f64>() / kept as f64
 }
 
-/// Largest luminance in the 5 x 5 pixels around each, cut at the picture's edges.
+/// Largest luminance in the 5 x 5 pixels around each pixel, cropped at the picture's edges.
 fn brightest_nearby(width: usize, values: &[f32]) -> Vec<f32> {
     let plane: Vec<f32> = values.chunks_exact(3).map(|p| luminance(Rgb::from_slice(p))).collect();
     let height = plane.len() / width;
@@ -299,7 +298,7 @@ mod tests {
     fn noise_of_the_reference_leaves_the_unbiased_figure() {
         let [first, second, smooth] = halves(0.125);
         let reference = Reference::halves(picture(&first), picture(&second)).unwrap();
-        // A picture without error: the product of the halves' errors is -d^2, that of independent noise zero.
+        // For a picture without error the product of the halves' errors is -d^2; for independent noise it would be zero.
         let figures = reference.compare(picture(&smooth)).unwrap();
         assert!(figures.rmse < 1e-7 && figures.relmse < 1e-13 && figures.bias.abs() < 1e-5);
         let want: f64 =
@@ -321,7 +320,7 @@ mod tests {
         assert!(
             (figures.relmse - 0.25 / 1.01).abs() < 1e-12 && (figures.relmse_t - figures.relmse).abs() < 1e-12
         );
-        // Limit of a firefly: 2 * 1 + 1. Two of 1200 pixels are what the trimmed figure leaves out.
+        // The limit of a firefly is 2 * 1 + 1. The trimmed figure leaves out two of 1200 pixels.
         test[..3].fill(3.01);
         test[300..303].fill(1e30);
         test[600..603].fill(2.99);

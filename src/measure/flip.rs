@@ -1,9 +1,9 @@
-//! LDR-FLIP: the difference that a viewer sees between two pictures shown one after the other at the same place
+//! LDR-FLIP: the difference that a viewer perceives between two pictures shown in alternation
 //! (Andersson, Nilsson, Akenine-Moller, Oskarsson, Astrom & Fairchild, "FLIP: A Difference Evaluator for
 //! Alternating Images", HPG 2020).
 //!
-//! Our own code, after the paper and the authors' `flip_loss.py`: the crate `nv-flip` brings a C++ build along, and takes
-//! pictures of 8 bits, which loses the last digits of a figure that is compared between runs.
+//! This implementation follows the paper and the authors' `flip_loss.py`. The crate `nv-flip` needs a C++ build and accepts only 8-bit
+//! pictures, which would lose the last digits of a figure that is compared between runs.
 
 use super::{MeasureError, Picture};
 use crate::math::Rgb;
@@ -19,7 +19,7 @@ const Q_C: f64 = 0.7;
 const Q_F: f64 = 0.5;
 const P_C: f64 = 0.4;
 const P_T: f64 = 0.95;
-/// Width of the detector of edges and points, degrees.
+/// Width of the detector of edges and points, in degrees.
 const FEATURE_WIDTH: f64 = 0.082;
 
 /// Linear Rec. 709 to XYZ relative to the white of D65, so that white is (1, 1, 1).
@@ -28,13 +28,13 @@ const TO_XYZ: [[f64; 3]; 3] = [
     [2_613_072.0 / 12_288_897.0, 8_788_810.0 / 12_288_897.0, 887_015.0 / 12_288_897.0],
     [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
 ];
-/// Its inverse.
+/// Inverse of [`TO_XYZ`].
 const FROM_XYZ: [[f64; 3]; 3] = [
     [3.241_003_275, -1.537_398_934, -0.498_615_861],
     [-0.969_224_334, 1.875_930_071, 0.041_554_224],
     [0.055_639_423, -0.204_011_202, 1.057_148_933],
 ];
-/// D65.
+/// White point D65 in XYZ.
 const WHITE: DVec3 = DVec3::new(0.950_428_545, 1.0, 1.088_900_371);
 
 /// Mean of [`flip_map`].
@@ -43,9 +43,8 @@ pub fn mean_flip(reference: Picture<'_>, test: Picture<'_>) -> Result<f64, Measu
     Ok(map.iter().map(|&e| f64::from(e)).sum::<f64>() / map.len() as f64)
 }
 
-/// The difference of each pixel, in `[0, 1]`, row by row. Both pictures are linear; they are clamped to `[0, 1]`
-/// first, as a screen without tone mapping shows them (NaN as black), which makes their sRGB encoding and its
-/// decoding cancel.
+/// The difference of each pixel, in `[0, 1]`, row by row. Both pictures are linear. They are clamped to `[0, 1]` first, as on a screen
+/// without tone mapping (NaN as black), so that sRGB encoding and decoding cancel.
 pub fn flip_map(reference: Picture<'_>, test: Picture<'_>) -> Result<Vec<f32>, MeasureError> {
     if reference.size() != test.size() {
         return Err(MeasureError::Size { test: test.size(), reference: reference.size() });
@@ -85,7 +84,7 @@ impl Opponent {
         Self { width: picture.size().0 as usize, planes: [plane(0), plane(1), plane(2)] }
     }
 
-    /// What the eye makes of the colours: filtered by its contrast sensitivity, then in Hunt-adjusted L*a*b*.
+    /// Perceived colours: filtered by the contrast sensitivity of the eye, in Hunt-adjusted L*a*b*.
     fn seen_colours(&self) -> Vec<Rgb> {
         let filters = [vec![(1.0, 0.0047)], vec![(1.0, 0.0053)], vec![(34.1, 0.04), (13.5, 0.025)]];
         let [y, cx, cz] = [0, 1, 2].map(|i| contrast_sensitivity(&self.planes[i], self.width, &filters[i]));
@@ -118,8 +117,8 @@ impl Opponent {
     }
 }
 
-/// `plane` filtered by a sum of Gaussians `a sqrt(pi / b) exp(-pi^2 d^2 / b)` of the distance d in degrees, each
-/// given as (a, b), together of sum 1.
+/// `plane` filtered by a sum of Gaussians `a sqrt(pi / b) exp(-pi^2 d^2 / b)` of the distance d in degrees. Each
+/// is given as (a, b); the taps together have sum 1.
 fn contrast_sensitivity(plane: &[f32], width: usize, gaussians: &[(f64, f64)]) -> Vec<f32> {
     // The widest Gaussian of all channels sets the radius of each, as in the authors' code.
     let radius = (3.0 * (0.04 / (2.0 * PI * PI)).sqrt() * PIXELS_PER_DEGREE).ceil() as i32;
@@ -140,7 +139,7 @@ fn contrast_sensitivity(plane: &[f32], width: usize, gaussians: &[(f64, f64)]) -
     sum
 }
 
-/// Positive taps scaled to sum 1, negative ones to sum -1.
+/// Taps with the positive ones scaled to sum 1 and the negative ones to sum -1.
 fn signed_normalised(taps: Vec<f64>) -> Vec<f64> {
     let positive: f64 = taps.iter().filter(|tap| **tap > 0.0).sum();
     let negative: f64 = taps.iter().filter(|tap| **tap < 0.0).sum();
@@ -152,8 +151,8 @@ fn signed_normalised(taps: Vec<f64>) -> Vec<f64> {
     taps.into_iter().map(scaled).collect()
 }
 
-/// Correlation with `taps_x` along rows and `taps_y` along columns, both of the same odd length; the outermost
-/// pixels are repeated beyond the edge.
+/// Correlation with `taps_x` along rows and `taps_y` along columns, both of the same odd length. The outermost pixels are repeated beyond
+/// the edge.
 fn convolved(plane: &[f32], width: usize, taps_x: &[f64], taps_y: &[f64]) -> Vec<f32> {
     let (radius, height) = (taps_x.len() / 2, plane.len() / width);
     let near = |i: usize, tap: usize, end: usize| (i + tap).saturating_sub(radius).min(end - 1);
@@ -191,18 +190,18 @@ fn hunt_lab(linear: DVec3) -> DVec3 {
     DVec3::new(lightness, 0.01 * lightness * 500.0 * (x - y), 0.01 * lightness * 200.0 * (y - z))
 }
 
-/// The distance of Abasi, Amani Tehran & Fairchild for large colour differences (2020).
+/// The HyAB distance of Abasi, Amani Tehran & Fairchild for large colour differences (2020).
 fn hyab(a: Rgb, b: Rgb) -> f64 {
     let d = (a - b).as_dvec3();
     d.x.abs() + d.y.hypot(d.z)
 }
 
-/// The distance of blue from green, the largest on a screen, to the power of [`Q_C`].
+/// The distance between blue and green, the largest on a screen, to the power of [`Q_C`].
 fn largest_difference() -> f64 {
     hyab(hunt_lab(DVec3::Y).as_vec3(), hunt_lab(DVec3::Z).as_vec3()).powf(Q_C)
 }
 
-/// Maps `[0, P_C * largest]` to `[0, P_T]` and what is above to the rest.
+/// Maps `[0, P_C * largest]` to `[0, P_T]`, and larger differences to the rest of `[0, 1]`.
 fn redistributed(difference: f64, largest: f64) -> f64 {
     let knee = P_C * largest;
     if difference < knee {

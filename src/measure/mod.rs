@@ -1,7 +1,6 @@
-//! How far a picture is from a reference: error figures over plain linear RGB. Caustics in closed form ([`caustics`]). How fast
-//! rays are traced ([`bvh`]), what settings cost and buy ([`tradeoff`]), and whether answers that are known
-//! come out ([`validate`]).
-// A new choice of a setting does not compile until each match says what it means there.
+//! Measurements: error figures of a picture against a reference in linear RGB, caustics in closed form ([`caustics`]), speed of ray
+//! tracing ([`bvh`]), cost and benefit of settings ([`tradeoff`]), and validation against known results ([`validate`]).
+// The lints make a new variant of a setting a compile error until every match handles it.
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 pub mod bvh;

@@ -1,26 +1,25 @@
-//! Adaptive antialiasing: pixels get camera samples by the variance around them (Jensen & Christensen 1995, section 5; after
-//! Whitted 1980 and Lee, Redner & Uselton 1985).
+//! Adaptive antialiasing: the number of camera samples of a pixel depends on the variance around it (Jensen & Christensen 1995,
+//! section 5; after Whitted 1980 and Lee, Redner & Uselton 1985).
 //!
-//! Two stages. Every pixel of the picture takes a few samples, the *pilot*; then the others are shared out in proportion to the
-//! relative standard deviation. That of a pixel is taken from the pilots of its *eight neighbours* and not from its own:
-//! were it its own, pixels whose first samples happen to agree would stop with them, and the picture would be too
-//! dark where rare samples are bright. So the count of a pixel's samples does not depend on their values, and their plain
-//! mean is free of bias; but for the sum over all pixels that sets how many there are to share, in which each is one of as
-//! many.
+//! There are two stages. First, every pixel of the picture takes a few samples, the *pilot*. Then the other samples are distributed in
+//! proportion to the relative standard deviation. The deviation of a pixel comes from the pilots of its *eight neighbours* and not from
+//! its own. With its own pilot, a pixel whose first samples happen to agree would get no more, and the picture would be too dark where
+//! rare samples are bright. So the number of a pixel's samples does not depend on their values, and their plain mean is unbiased. The
+//! only dependence left is through the sum over all pixels that normalizes the counts, in which each pixel is one of many.
 
 use crate::sampling::mix;
 
-/// Luminance at which differences begin to count relatively, over the mean of the picture. Squared it is the 0.01 in the error
-/// figures of this project.
+/// Luminance, over the mean of the picture, above which differences count relatively. Its square is the 0.01 in the error figures of
+/// this project.
 const DARK: f64 = 0.1;
 
-/// Share of the mean deviation that every pixel counts for, so that what no pilot saw is found all the same.
+/// Share of the mean deviation that is added to every pixel, so that features which no pilot sample hit can still be found.
 const FLOOR: f64 = 0.1;
 
-/// No pixel gets more than so many times the mean.
+/// No pixel gets more than this many times the mean number of samples.
 const MOST: f64 = 16.0;
 
-/// Samples of every pixel before it is decided who gets more: a quarter of the mean count, and two at least.
+/// Pilot samples of every pixel: a quarter of the mean number, and at least two.
 pub(super) fn pilot_samples(spp: u32) -> u32 {
     (spp / 4).max(2).min(spp)
 }
@@ -34,7 +33,7 @@ pub(super) struct Moments {
 }
 
 impl Moments {
-    /// Adds a sample; one that is not finite, which the film leaves out, is left out here too.
+    /// Adds a sample. A sample that is not finite is left out, as the film does.
     pub(super) fn add(&mut self, luminance: f64) {
         if luminance.is_finite() {
             self.sum += luminance;
@@ -47,7 +46,7 @@ impl Moments {
         if self.count > 0.0 { self.sum / self.count } else { 0.0 }
     }
 
-    /// Standard deviation over the mean, or over `dark` where that is more.
+    /// Standard deviation over the root of the squared mean plus the square of `dark`; zero for fewer than two samples.
     fn relative_deviation(&self, dark: f64) -> f64 {
         if self.count < 2.0 {
             return 0.0;
@@ -59,7 +58,7 @@ impl Moments {
     }
 }
 
-/// How many samples each pixel of a picture gets.
+/// Number of samples of each pixel of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampleCounts {
     width: u32,
@@ -67,7 +66,7 @@ pub struct SampleCounts {
 }
 
 impl SampleCounts {
-    /// Shares out `spp` samples per pixel on average, `pilot` for each at least. `moments` are those of the pilots, row by row.
+    /// Distributes `spp` samples per pixel on average, with at least `pilot` for each pixel. `moments` are those of the pilots, row by row.
     pub(super) fn share_out(moments: &[Moments], width: u32, (pilot, spp): (u32, u32), seed: u64) -> Self {
         let pixels = moments.len();
         let mean = moments.iter().map(Moments::mean).sum::<f64>() / pixels as f64;
@@ -84,10 +83,10 @@ impl SampleCounts {
         let count = |(index, &deviation): (usize, &f64)| {
             let exact = match factor {
                 Some(factor) => wanted(factor, deviation),
-                // Nothing varies anywhere.
+                // No pixel has any variance.
                 None => f64::from(spp),
             };
-            // Rounded up or down at random, so that the mean is what was asked for.
+            // Random rounding up or down keeps the requested mean.
             let u = (mix(mix(seed ^ 0x6164_6170_7469_7665) ^ index as u64) >> 40) as f64 / 16_777_216.0;
             (exact + u).floor() as u32
         };
@@ -108,7 +107,7 @@ impl SampleCounts {
     }
 }
 
-/// The factor at which `total`, which does not fall, reaches `budget`; `None` where it never does.
+/// The factor at which the non-decreasing function `total` reaches `budget`; `None` where it never does.
 fn bisect(total: impl Fn(f64) -> f64, budget: f64) -> Option<f64> {
     let mut high = 1.0;
     while total(high) < budget {
@@ -125,7 +124,7 @@ fn bisect(total: impl Fn(f64) -> f64, budget: f64) -> Option<f64> {
     Some(high)
 }
 
-/// Mean of `values` over the eight neighbours of a pixel, or as many as it has; its own where it has none.
+/// Mean of `values` over the neighbours of a pixel, eight at most; its own value where it has no neighbours.
 fn of_neighbours(values: &[f64], width: usize, index: usize) -> f64 {
     let (x, y, height) = (index % width, index / width, values.len() / width);
     let (mut sum, mut count) = (0.0, 0.0);
@@ -145,7 +144,7 @@ mod tests {
     use super::*;
     use crate::sampling::{Rng, Stream};
 
-    /// A picture of which one in ten columns is noisy.
+    /// A picture in which one of ten columns is noisy.
     fn moments(width: u32, height: u32, pilot: u32, seed: u64) -> Vec<Moments> {
         let mut rng = Rng::new(seed, Stream::Measure, 0);
         let pixel = |i: u32| {
@@ -164,12 +163,12 @@ mod tests {
         assert!(fewest >= 2 && most <= 128 && (mean - 8.0).abs() < 0.1, "{fewest} {most} {mean}");
         let column = |x: u32| (0..40).map(|y| counts.at(x, y)).sum::<u32>();
         assert!(column(3) > 3 * column(7) && column(23) > 3 * column(28), "{} {}", column(3), column(7));
-        // The same again, and another rounding with another seed.
+        // The counts are reproducible, and another seed gives another rounding.
         assert_eq!(counts, SampleCounts::share_out(&moments(50, 40, 2, 1), 50, (2, 8), 3));
         assert_ne!(counts, SampleCounts::share_out(&moments(50, 40, 2, 1), 50, (2, 8), 4));
     }
 
-    /// The count of a pixel does not change with its own pilot, but for the sum over all pixels.
+    /// The count of a pixel does not depend on its own pilot, except through the sum over all pixels.
     #[test]
     fn own_samples_do_not_decide() {
         let plain = moments(50, 40, 2, 1);
@@ -185,7 +184,7 @@ mod tests {
 
     #[test]
     fn ends() {
-        // No noise, no light, samples that are not finite, one pixel.
+        // Cases: no noise, no light, samples that are not finite, one pixel.
         let mut even = Moments::default();
         (0..2).for_each(|_| even.add(1.0));
         let mut bad = Moments::default();
@@ -196,7 +195,7 @@ mod tests {
             assert_eq!(counts.summary(), (8, 8, 8.0));
         }
         assert_eq!([1, 2, 4, 16, 64].map(pilot_samples), [1, 2, 2, 4, 16]);
-        // Powers of two change nothing.
+        // A scale by a power of two changes nothing.
         let scaled = |factor: f64| {
             let mut all = moments(50, 40, 2, 5);
             for m in &mut all {

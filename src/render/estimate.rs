@@ -1,4 +1,4 @@
-//! What photon maps add to the memory that a render takes, before photons are traced.
+//! Estimates the memory that photon maps add to a render, before photons are traced.
 
 use super::memory::{PhotonCounts, Precomputed, at_worst, finished};
 use super::settings::Settings;
@@ -6,18 +6,18 @@ use crate::memory::MemoryEstimate;
 use crate::photons::{FEW_LIGHTS, FEW_TARGETS, LEAST_FOR_A_TABLE};
 use crate::scene::{RenderPlan, Scene};
 
-/// Bytes of the table by which photons of the global map are aimed, for each light that has one.
+/// Bytes of the table that aims photons of the global map, per light that has one.
 const HEADINGS: u64 = 9000;
 
-/// Bytes of the same for the caustic map, where a light has more than a few casters to tell apart; of a small light, as many lights
-/// are.
+/// Bytes of the table that aims photons of the caustic map, per light with more than a few casters to distinguish. The value is for a
+/// small light, the usual case.
 const CASTERS: u64 = 26_000;
 
-/// A light emits at most so many photons for each that is stored, as a rule; by that its table for the global map is foreseen.
+/// A light usually emits at most this many photons per stored photon. The estimate of tables for the global map uses this ratio.
 const EMITTED_PER_STORED: u64 = 8;
 
 impl MemoryEstimate {
-    /// With the photon maps of `scene` that `settings` ask for.
+    /// This estimate plus the photon maps of `scene` that `settings` require.
     #[must_use]
     pub fn with_photons(self, settings: &Settings, plan: &RenderPlan, scene: &Scene) -> Self {
         let counts = PhotonCounts::of(settings, plan);
@@ -28,7 +28,7 @@ impl MemoryEstimate {
     }
 }
 
-/// Bytes of the tables by which photons are aimed, of whichever map has more.
+/// Bytes of the tables that aim photons: the larger of the two maps' totals.
 fn aiming(settings: &Settings, counts: PhotonCounts, scene: &Scene) -> u64 {
     let lights = scene.lights().len() as u64;
     if !settings.aim_photons {

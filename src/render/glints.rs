@@ -1,4 +1,4 @@
-//! Looking for glints over the whole picture, before it is rendered.
+//! Search for glints over the whole picture, before it is rendered. Glints are images of emitters in glass and mirrors.
 
 use super::pixels::RenderRequest;
 use crate::camera::{Camera, FilmPlace};
@@ -11,41 +11,41 @@ use glam::Vec2;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Places of a picture from which is looked, in all, and within a pixel: more in a small picture, whose pixels show more.
+/// Approximate number of search samples in a picture.
 const PLACES: usize = 5_000_000;
+/// Fewest and most search samples per pixel. A small picture gets more per pixel, as its pixels cover more of the scene.
 const IN_PIXEL: (u32, u32) = (2, 32);
 
-/// What is known of glints.
+/// Glints of a picture, and the means to find more.
 pub(super) struct Glints<'a> {
-    /// Where they are.
+    /// The glints by place on the picture.
     pub(super) map: GlintMap,
-    /// By what they were found.
+    /// The finder that found them.
     pub(super) hunter: GlintFinder<'a>,
-    /// How often lamps are met by chance.
+    /// How often paths hit emitters by chance.
     pub(super) meetings: ChanceMeetings,
 }
 
-/// What came of looking for glints.
+/// Result of the glint search.
 pub(super) enum GlintSearch<'a> {
-    /// All there are.
+    /// The search is complete.
     Done(Box<Glints<'a>>),
-    /// The plan does without.
+    /// The plan does not include a search.
     Unplanned,
-    /// There was no time for all of the picture, so for none of it.
+    /// The time did not suffice for the whole picture, so no glints are used.
     Late,
 }
 
 impl GlintSearch<'_> {
-    /// What [`GlintSearch::Late`] means to the user.
+    /// Warning text for [`GlintSearch::Late`].
     pub(super) const LATE: &'static str = "there was no time to look for lamps in glass and mirrors: where they are smaller than a \
         pixel, samples meet them by chance, as white dots; give it more time";
 }
 
-/// Looking for glints takes at most this share of the time that is left.
+/// The glint search takes at most this share of the remaining time.
 const TIME_SHARE: f64 = 0.15;
 
-/// What is found, for the window of the request. Each pixel's glints are the same whatever the
-/// window.
+/// Searches for glints in the window of the request. The glints of a pixel do not depend on the window.
 pub(super) fn find_glints<'a>(
     scene: &'a Scene,
     camera: &Camera,
@@ -62,14 +62,14 @@ pub(super) fn find_glints<'a>(
     let RenderRequest { width, height, crop, ref filter, ref settings, .. } = *request;
     let whole = PixelRect::whole(width, height);
     let margin = (FARTHEST_GLINT + filter.radius()).ceil() as u32 + 2;
-    // Samples are shared out by what the whole picture shows.
+    // Adaptive sample counts depend on the whole picture, so the search then covers all of it.
     let near = crop.filter(|_| !settings.adaptive).map_or(whole, |crop| PixelRect {
         x0: crop.x0.saturating_sub(margin),
         y0: crop.y0.saturating_sub(margin),
         x1: crop.x1.saturating_add(margin),
         y1: crop.y1.saturating_add(margin),
     });
-    // Whole blocks, so that all of each is looked from whatever the window.
+    // The window is extended to whole blocks, so that the result for a block does not depend on the window.
     let block = ChanceMeetings::BLOCK;
     let near = PixelRect {
         x0: near.x0 / block * block,
@@ -78,7 +78,7 @@ pub(super) fn find_glints<'a>(
         y1: near.y1.div_ceil(block) * block,
     };
     let rows = near.intersection(&whole);
-    // Looking should cost less than what is looked at.
+    // The search should cost less than the render.
     let most = match settings.integrator {
         IntegratorKind::Progressive => IN_PIXEL.1,
         IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Path => {

@@ -1,4 +1,4 @@
-//! Pass 1: traces photons, builds the maps that the plan asks for, and reports what is odd about them.
+//! Pass 1: traces photons, builds the maps that the plan requires, and collects statistics and warnings about them.
 
 use super::memory::PhotonCounts;
 use super::saved::SavedMaps;
@@ -22,55 +22,55 @@ use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
 use std::time::{Duration, Instant};
 
-/// Radius beyond which an estimate says nothing of its place, as a share of the scene's radius.
+/// Maximum lookup radius of density estimates, as a share of the scene's radius.
 const LARGEST_RADIUS: f32 = 0.25;
 
-/// One in so many photons of the global map gets its irradiance precomputed (Christensen 1999, section 4).
+/// Irradiance is precomputed at one of this many photons of the global map (Christensen 1999, section 4).
 pub(super) const IRRADIANCE_STRIDE: usize = 4;
 
-/// A map has fewer photons than this share of those asked for: worth a warning.
+/// A map with less than this share of the requested photons causes a warning.
 const UNDERFILLED: f64 = 0.5;
 
-/// What became of one map.
+/// Report on one map.
 #[derive(Clone, Debug)]
 pub struct MapReport {
-    /// Which map.
+    /// Kind of the map.
     pub kind: MapKind,
     /// Photons emitted by all lights.
     pub emitted: u64,
-    /// What became of the photons, by light.
+    /// Fate of the photons (stored, absorbed, escaped and so on), by light.
     pub tallies: Vec<PhotonTally>,
 }
 
-/// Maps, and what is to be told about them.
+/// Result of pass 1: the maps, their statistics and warnings.
 #[derive(Debug, Default)]
 pub struct PassOne {
     /// The maps.
     pub maps: PhotonMaps,
-    /// By map, in the order in which they were built.
+    /// Reports by map, in the order in which the maps were built.
     pub reports: Vec<MapReport>,
-    /// Numbers for the statistics.
+    /// Statistics by map.
     pub statistics: Vec<MapStatistics>,
-    /// Illumination maps, where there are some.
+    /// Statistics of illumination maps, where there are any.
     pub illumination: Option<IlluminationStatistics>,
-    /// Shadow photons, by light.
+    /// Statistics of shadow photons, by light.
     pub shadows: Vec<ShadowStatistics>,
-    /// Seconds for those.
+    /// Seconds to trace and sort shadow photons.
     pub seconds_shadows: f64,
     /// Seconds to precompute irradiance.
     pub seconds_irradiance: f64,
-    /// Things a user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
-    /// The file that the maps are from, where they are.
+    /// The file that the maps were read from; `None` where photons were traced.
     pub file: Option<PhotonMapFile>,
     /// Whether the observer asked to stop: some maps are then missing.
     pub cancelled: bool,
-    /// Seconds.
+    /// Seconds of the whole pass.
     pub seconds: f64,
 }
 
 impl Settings {
-    /// How the photon maps of `scene` are read.
+    /// Lookup parameters for the photon maps of `scene`.
     pub fn photon_map_settings(&self, scene: &Scene) -> PhotonMapSettings {
         let scene_radius = scene.bounds().1;
         let reach = if scene_radius > 0.0 { scene_radius } else { f32::INFINITY };
@@ -100,12 +100,12 @@ impl Settings {
 }
 
 impl Settings {
-    /// How photons guide in `scene`.
+    /// Parameters of the photon guide for `scene`.
     pub fn guide_params(&self, scene: &Scene) -> GuideParams {
         let reading = self.photon_map_settings(scene);
         GuideParams {
             classes: match self.integrator {
-                // Caustics come from their own map.
+                // Caustics have a map of their own.
                 IntegratorKind::PhotonMap | IntegratorKind::Progressive | IntegratorKind::Photons => {
                     PhotonClasses::only(PhotonClass::Indirect)
                 }
@@ -122,14 +122,14 @@ impl Settings {
     }
 }
 
-/// Tracing photons takes at most this share of the time limit; half of it for the global map where there is a caustic one
+/// Tracing photons takes at most this share of the time limit. Half of the share goes to the global map where there is a caustic map
 /// as well.
 const PHOTON_SHARE: f64 = 0.5;
 
-/// Builds the maps that `plan` asks for. [`PassOne::cancelled`] where the observer asked to stop.
+/// Builds the maps that `plan` requires. [`PassOne::cancelled`] is set where the observer asked to stop.
 ///
 /// # Errors
-/// Where the maps would not fit into memory.
+/// If the maps would not fit into memory.
 pub fn build_maps(
     scene: &Scene,
     plan: &RenderPlan,
@@ -139,25 +139,25 @@ pub fn build_maps(
     build_maps_from(scene, plan, settings, ForPicture::default(), observer)
 }
 
-/// What maps may know of the picture that they are for.
+/// Inputs of pass 1 that depend on the picture to be rendered.
 #[derive(Debug, Default)]
 pub struct ForPicture<'a> {
-    /// Photons are shared out by what lights contribute to the picture ([`photon_budget`]); by flux where there is none.
+    /// Allocation of photons to lights by what the lights contribute to the picture ([`photon_budget`]); by flux where there is none.
     pub budget: Option<&'a PhotonBudget>,
     /// The finest pixel footprints ([`super::finest_distances`]), for the resolution of illumination maps; empty for none.
     pub finest: &'a [f32],
-    /// Photons of a file in place of traced ones: it has been checked that they are the same.
+    /// Photons of a file in place of traced ones. The caller has checked that they match.
     pub saved: Option<SavedMaps>,
-    /// Time for tracing all photons; without it a share of what is left until the observer's deadline.
+    /// Time for tracing all photons; where it is `None`, a share of the time until the observer's deadline.
     pub time: Option<Duration>,
-    /// Surfaces whose irradiance is asked for ([`PhotonsFor::receivers`]).
+    /// Surfaces whose irradiance will be probed ([`PhotonsFor::receivers`]).
     pub receivers: &'a [u32],
 }
 
-/// [`build_maps`] for a picture.
+/// Builds maps as [`build_maps`] does, for a given picture.
 ///
 /// # Errors
-/// As [`build_maps`].
+/// The same as for [`build_maps`].
 pub fn build_maps_from(
     scene: &Scene,
     plan: &RenderPlan,
@@ -172,7 +172,7 @@ pub fn build_maps_from(
     pass.warnings.extend(picture.saved.iter().flat_map(SavedMaps::warnings).cloned());
     let share = |end: Instant| end.saturating_duration_since(start).mul_f64(PHOTON_SHARE);
     let limit = picture.time.or_else(|| observer.deadline().map(share));
-    // Where photons were counted to fit, neither map needs to be held to its half.
+    // Where the number of photons was chosen to fit the time, no map needs to be limited to its half.
     let is_counted = picture.time.is_some();
     let ForPicture { finest, saved, budget, receivers, .. } = picture;
     let deposits = Default::default();
@@ -194,7 +194,7 @@ pub fn build_maps_from(
     Ok(pass)
 }
 
-/// How photons are to be shared out for the picture of `camera`, where the plan asks for that; `None` for by flux.
+/// Allocation of photons to lights for the picture of `camera`, where the plan requires one; `None` means allocation by flux.
 pub fn photon_budget(
     scene: &Scene,
     camera: &Camera,
@@ -208,7 +208,7 @@ fn build_shadows(scene: &Scene, settings: &Settings, observer: &dyn Observer, pa
     let rays = settings.shadow_photon_rays;
     observer.begin("tracing shadow photons", 1);
     let start = Instant::now();
-    // Photons themselves are kept where they are to be shown.
+    // Mode `Off` keeps individual photons, which the integrator that shows photons needs.
     let mode = match settings.integrator {
         IntegratorKind::Photons => ShadowMode::Off,
         IntegratorKind::PhotonMap | IntegratorKind::Progressive | IntegratorKind::Path => {
@@ -250,16 +250,16 @@ struct MapBuilder<'a> {
     observer: &'a dyn Observer,
     finest: &'a [f32],
     receivers: &'a [u32],
-    /// Photons of the global and of the caustic pass for illumination maps, and the count emitted; `None` before the pass.
+    /// Photons of the global and of the caustic pass for illumination maps, with the number emitted; `None` before the pass.
     deposits: [Option<(Vec<Deposit>, u64)>; 2],
     budget: Option<&'a PhotonBudget>,
-    /// Whether photons were counted to fit the time.
+    /// Whether the number of photons was chosen to fit the time limit.
     is_counted: bool,
     pass: &'a mut PassOne,
 }
 
 impl MapBuilder<'_> {
-    /// `None` where it was cancelled.
+    /// Builds all maps of the plan. Returns `None` where the build was cancelled.
     fn build_all(&mut self, plan: &RenderPlan, counts: PhotonCounts, limit: Option<Duration>) -> Option<()> {
         let start = Instant::now();
         if plan.global_map.build {
@@ -300,13 +300,13 @@ impl MapBuilder<'_> {
                 self.pass.maps.guide = DirectionGuide::build(&map, &params);
                 self.observer.advance(1);
             }
-            // Paths read no map.
+            // The path tracer reads no map, only the guide.
             if self.settings.integrator != IntegratorKind::Path {
                 self.pass.maps.global = Some(map);
             }
         }
         if plan.caustic_map.build {
-            // The share of this map even where all before took longer than it should have.
+            // This map gets its share of the time even where the steps before it exceeded theirs.
             let end = limit.map(|limit| (start + limit).max(Instant::now() + limit.mul_f64(0.5)));
             let map = self.build(MapKind::Caustic, counts, end)?;
             if plan.caustics_at_points.build && !map.is_empty() {
@@ -337,13 +337,13 @@ impl MapBuilder<'_> {
         Some(())
     }
 
-    /// Sums up what the passes brought to objects with illumination maps.
+    /// Builds the illumination maps from the photons that reached their objects.
     fn sum_up(&mut self) {
         let [global, caustic] = std::mem::take(&mut self.deposits);
         if !(self.settings.illumination_maps && self.scene.has_illumination_maps()) {
             return;
         }
-        // Where the caustic map alone is shown there is no global pass.
+        // There is no global pass where only the caustic map is shown.
         let (global, emitted) = global.unwrap_or_default();
         self.observer.begin("summing up illumination", 1);
         let start = Instant::now();
@@ -436,11 +436,11 @@ impl MapBuilder<'_> {
     }
 }
 
-/// Events as rare as this come from places where surfaces touch within rounding, and cannot be seen. The statistics have
-/// them all the same.
+/// Events as rare as this occur where surfaces touch within rounding; they are invisible in the picture. The statistics still count
+/// them.
 const RARE: f64 = 1e-4;
 
-/// True where `count` of `all` events is more than the few that rounding explains.
+/// Whether `count` of `all` events are more than rounding explains.
 pub(super) fn is_worth_a_warning(count: u64, all: u64) -> bool {
     count as f64 > RARE * all as f64
 }
@@ -464,27 +464,27 @@ fn statistics_of(scene: &Scene, light: usize, tally: &PhotonTally, emitted: u64)
     }
 }
 
-/// A light that emits fewer photons than this shows them one by one.
+/// Photons of a light that emits fewer than this are visible as individual spots.
 const STARVED: u64 = 100;
 
-/// Photons emitted for one that is stored, beyond which it is told where the time goes.
+/// Photons emitted per stored photon above which a warning explains where the time goes.
 const RARELY_STORED: u64 = 200;
 
-/// Names listed in one warning.
+/// Most names listed in one warning.
 const NAMED: usize = 5;
 
-/// What a map tells of its scene.
+/// Results of building one map, from which its warnings are derived.
 struct Findings<'a> {
     scene: &'a Scene,
     name: &'static str,
     kind: MapKind,
     wanted: u64,
-    /// Photons that went to illumination maps instead.
+    /// Photons that went to illumination maps instead of the photon map.
     summed: u64,
     map: &'a PhotonMap,
     tallies: &'a [PhotonTally],
     stopped: bool,
-    /// By surface.
+    /// Whether a photon reached the surface, by surface.
     reached: &'a [bool],
 }
 
@@ -495,7 +495,7 @@ impl Findings<'_> {
         if stored == 0 && wanted > 0 {
             warnings.push(self.nothing_stored());
         } else if wanted == 0 && self.kind == MapKind::Global {
-            // No caustics is what people ask for to see what these bring.
+            // Zero caustic photons cause no warning: users ask for them to see what caustics contribute.
             warnings.push(
                 "no photons of the global map were asked for, so there will be no indirect light".to_owned(),
             );
@@ -541,7 +541,7 @@ impl Findings<'_> {
         self.warn_of_lights(missing, divided, warnings);
     }
 
-    /// That no photon was stored, and where they went instead.
+    /// Warning that no photon was stored, with the reason.
     fn nothing_stored(&self) -> String {
         let sum = |field: fn(&PhotonTally) -> u64| self.tallies.iter().map(field).sum::<u64>();
         let (emitted, missed) = (sum(|tally| tally.emitted), sum(|tally| tally.missed));
@@ -572,7 +572,7 @@ impl Findings<'_> {
         format!("the {} map is empty, so there will be {loss}: {why}", self.name)
     }
 
-    /// Casters that no photon met.
+    /// Warns of caustic casters that no photon reached.
     fn warn_of_casters(&self, warnings: &mut Vec<String>) {
         if self.map.len() as u64 + self.summed == 0 || self.reached.is_empty() {
             return;
@@ -591,7 +591,7 @@ impl Findings<'_> {
         }
     }
 
-    /// Lights with too few photons, and lights on whose side of an interface there is doubt.
+    /// Warns of lights with too few photons, and of lights that lie in more than one medium on one side.
     fn warn_of_lights(&self, missing: &[LightId], divided: &[LightId], warnings: &mut Vec<String>) {
         let light_name = |light: usize| self.scene.light_note(light).name.as_str();
         let starved = |tally: &PhotonTally| {
@@ -601,7 +601,7 @@ impl Findings<'_> {
         };
         let lights: Vec<usize> =
             (0..self.tallies.len()).filter(|&light| starved(&self.tallies[light])).collect();
-        // A map that was to be small starves every light, which is no news.
+        // A small requested map leaves too few photons for every light, which needs no warning.
         if !lights.is_empty() && self.wanted >= STARVED * self.tallies.len() as u64 {
             let photons: u64 = lights.iter().map(|&light| self.tallies[light].emitted).sum();
             let names = listed(lights.iter().map(|&light| light_name(light)));
@@ -618,7 +618,7 @@ impl Findings<'_> {
                 listed(missing.iter().map(|&light| light_name(light as usize)))
             ));
         }
-        // The same for all maps.
+        // The lights are the same for all maps, so the first map alone warns.
         if !divided.is_empty() && self.pass_is_first() {
             warnings.push(format!(
                 "{}: in more than one medium on one side, and all photons from there start in the one that most of it \
@@ -634,7 +634,7 @@ impl Findings<'_> {
     }
 }
 
-/// What is wrong where interfaces contradict the bodies that rays are in, at surfaces of these names, and what to do.
+/// Text of the warning about interfaces that contradict the medium a ray is in, at the surfaces with these names, with a remedy.
 pub(super) fn contradiction(names: &[&str]) -> String {
     let at = if names.is_empty() { String::new() } else { format!(", at {}", listed(names.iter().copied())) };
     format!(
@@ -644,7 +644,7 @@ pub(super) fn contradiction(names: &[&str]) -> String {
     )
 }
 
-/// Names in quotes, the first few of them.
+/// The first few names in quotes, and the number of the others.
 pub(super) fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
     let count = names.len();
     let shown: Vec<String> = names.take(NAMED).map(|name| format!("`{name}`")).collect();

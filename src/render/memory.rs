@@ -1,30 +1,30 @@
-//! What photon maps take of the machine's memory, found out before any photon is traced.
+//! Memory of photon maps, computed before any photon is traced.
 
 use super::settings::Settings;
 use crate::memory::{MOST_PHOTONS, MemoryError, available_memory};
 use crate::scene::{MapKind, RenderPlan};
 use serde::Serialize;
 
-/// Bytes that a photon takes in a finished map: 20, and its share of the search tree.
+/// Bytes per photon in a finished map: 20, plus its share of the search tree.
 const MAP_BYTES: f64 = 20.25;
 
-/// Bytes for each photon of a map while it is traced and built: photons of the tasks and photons in one place, then those
-/// and the map.
+/// Peak bytes per photon while a map is traced and built: first the photons of the tasks and their concatenation, then the concatenated
+/// photons and the map.
 const BUILD_BYTES: f64 = 40.5;
 
-/// Bytes of precomputed irradiance for each photon of a map.
+/// Bytes of precomputed irradiance per photon of a map.
 const IRRADIANCE_BYTES: f64 = 27.0 / super::maps::IRRADIANCE_STRIDE as f64;
 
 /// Photons to store in each map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct PhotonCounts {
-    /// In the global map; zero where there is none.
+    /// Photons in the global map; zero where there is none.
     pub global: u64,
-    /// In the caustic map; zero where there is none.
+    /// Photons in the caustic map; zero where there is none.
     pub caustic: u64,
 }
 
-/// Maps at whose photons irradiance is precomputed.
+/// Which maps get precomputed irradiance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Precomputed {
     global: bool,
@@ -32,7 +32,7 @@ pub(super) struct Precomputed {
 }
 
 impl Precomputed {
-    /// As a render precomputes it.
+    /// The maps for which a render with this plan precomputes irradiance.
     pub(super) fn of(settings: &Settings, plan: &RenderPlan) -> Self {
         Self {
             global: plan.final_gather.build && settings.precomputed_irradiance,
@@ -47,15 +47,15 @@ pub(super) fn finished(counts: PhotonCounts, irradiance: Precomputed) -> f64 {
     counts.global as f64 * bytes(irradiance.global) + counts.caustic as f64 * bytes(irradiance.caustic)
 }
 
-/// Bytes at the worst moment: the global map is built first and kept while the caustic map is.
+/// Peak bytes: the global map is built first and kept while the caustic map is built.
 pub(super) fn at_worst(counts: PhotonCounts, irradiance: Precomputed) -> f64 {
     let before = finished(PhotonCounts { caustic: 0, ..counts }, irradiance);
     (counts.global as f64 * BUILD_BYTES).max(before + counts.caustic as f64 * BUILD_BYTES)
 }
 
 impl PhotonCounts {
-    /// What `settings` ask for of the maps that `plan` wants: counts, or as many as their memory takes in the same
-    /// proportion.
+    /// Photons of the maps that `plan` builds: the counts of `settings`, or counts in the same proportion that fill the photon memory of
+    /// `settings`.
     pub fn of(settings: &Settings, plan: &RenderPlan) -> Self {
         let asked = |build: bool, photons: u64| if build { photons } else { 0 };
         let counts = Self {
@@ -73,7 +73,7 @@ impl PhotonCounts {
         }
     }
 
-    /// For one map.
+    /// The count of one map.
     pub fn for_map(self, kind: MapKind) -> u64 {
         match kind {
             MapKind::Caustic => self.caustic,
@@ -81,10 +81,10 @@ impl PhotonCounts {
         }
     }
 
-    /// Refuses what no map or not this machine can hold.
+    /// Checks that a map and this machine can hold the photons.
     ///
     /// # Errors
-    /// Which photons, how much memory they take, and what to ask for instead.
+    /// If they cannot. The error names the photons, their memory, and a remedy.
     pub fn check(self, settings: &Settings, plan: &RenderPlan) -> Result<(), MemoryError> {
         self.check_against(Precomputed::of(settings, plan), available_memory())
     }

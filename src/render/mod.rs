@@ -1,5 +1,5 @@
-//! Jobs: settings, passes, tiles, progress, statistics.
-// A new choice of a setting does not compile until each match says what it means there.
+//! Rendering of pictures: photon pass, pixel pass, progressive rounds, time and memory limits, statistics.
+// The lints make a new variant of a setting a compile error until every match handles it.
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod adaptive;

@@ -1,5 +1,5 @@
-//! What a render with a time limit can afford. How fast this machine is with this scene, loaded as it is, is measured by a small
-//! photon pass and a few pixels; by that photons are counted, so that maps and a sample of every pixel fit what is left.
+//! Fits a render into a time limit. A small photon pass and a few pixels measure the speed of this machine with this scene under its
+//! present load. The number of photons is then chosen so that the maps and one sample of every pixel fit into the remaining time.
 
 use super::maps::{ForPicture, PassOne, build_maps_from};
 use super::memory::PhotonCounts;
@@ -11,32 +11,33 @@ use crate::observer::Observer;
 use crate::scene::{RenderPlan, Scene};
 use std::time::{Duration, Instant};
 
-/// Photons of the first trial: the least that a map is made of, whatever the time.
+/// Photons of the first trial. A map has at least this many, however short the time.
 const LEAST_PHOTONS: f64 = 2000.0;
 
-/// A second trial that would have fewer times the photons of the first tells nothing new.
+/// Least ratio of photons of the second trial to those of the first. A smaller second trial would add no information.
 const LEAST_GROWTH: f64 = 2.0;
 
-/// Photon maps take at most this share of the time that is left after the trials.
+/// Photon maps take at most this share of the time after the trials.
 const MAPS: f64 = 0.5;
 
 /// The second trial takes about this share of the time for maps.
 const SECOND_TRIAL: f64 = 0.1;
 
-/// Trials are not stopped: this is more time than any takes.
+/// Time limit of a trial. It is longer than any trial takes, so trials are never stopped.
 const FOREVER: Duration = Duration::from_secs(1 << 30);
 
-/// Measuring pixels takes at most this share of the time that is left.
+/// The measurement of pixels takes at most this share of the remaining time.
 const PIXELS: f64 = 0.03;
 
-/// What is foreseen is taken for so much longer, as some of it grows faster than in proportion.
+/// Safety factor on estimated times, as some steps grow faster than in proportion.
 const CAUTION: f64 = 1.2;
 
-/// Rounds as they are asked for are kept where two of them fit; else they are made so small that so many fit.
+/// Rounds keep their requested size where this many of them fit.
 const ROUNDS_KEPT: f64 = 2.0;
+/// Otherwise rounds are reduced until this many fit.
 const ROUNDS_WANTED: f64 = 4.0;
 
-/// A render to fit into its time.
+/// A render to be fitted into its time limit.
 pub(super) struct Pace<'a> {
     pub(super) scene: &'a Scene,
     pub(super) camera: &'a Camera,
@@ -50,23 +51,23 @@ pub(super) struct Pace<'a> {
     pub(super) observer: &'a dyn Observer,
 }
 
-/// What there is time for.
+/// Settings that fit into the time limit.
 #[derive(Debug)]
 pub(super) struct Paced {
-    /// Those asked for, or with fewer photons, and in rounds fewer samples.
+    /// The requested settings, possibly with fewer photons and, in rounds, fewer samples.
     pub(super) settings: Settings,
-    /// Maps of these settings, where they are built already.
+    /// Maps for these settings, where a trial has built them already.
     pub(super) maps: Option<PassOne>,
     /// Time for tracing photons.
     pub(super) tracing: Option<Duration>,
-    /// Time that a sample of every pixel takes; zero where there is no limit.
+    /// Time that one sample of every pixel takes; zero where there is no limit.
     pub(super) seconds_sample: Duration,
-    /// What the user should know.
+    /// Warnings for the user.
     pub(super) warnings: Vec<String>,
 }
 
 impl Paced {
-    /// What was asked for, where there is no limit.
+    /// The requested settings, for a render without a time limit.
     pub(super) fn unlimited(settings: &Settings) -> Self {
         Self {
             settings: settings.clone(),
@@ -78,7 +79,7 @@ impl Paced {
     }
 }
 
-/// A photon pass with a share of the photons asked for.
+/// A trial photon pass with a share of the requested photons.
 struct Trial {
     scale: f64,
     settings: Settings,
@@ -91,7 +92,7 @@ impl Pace<'_> {
         self.deadline.saturating_duration_since(Instant::now()).as_secs_f64()
     }
 
-    /// `settings` with a share of their photons: in figures that can be given again, two digits each.
+    /// `settings` with a share of their photons. Counts are cut to two digits, so that a user can give the same counts again.
     fn scaled(&self, settings: &Settings, scale: f64) -> Settings {
         let counts = PhotonCounts::of(settings, self.plan);
         if scale >= 1.0 {
@@ -122,7 +123,7 @@ impl Pace<'_> {
         Ok(Trial { scale: scale.min(1.0), settings, maps, seconds: start.elapsed().as_secs_f64() })
     }
 
-    /// The settings of a picture, or of a round, that there is time for.
+    /// Fits the settings of a picture, or of a round, into the time limit.
     pub(super) fn fit(&self, settings: &Settings) -> Result<Paced, RenderError> {
         let counts = PhotonCounts::of(settings, self.plan);
         let photons = counts.global.saturating_add(counts.caustic);
@@ -147,7 +148,7 @@ impl Pace<'_> {
         }
         let is_in_rounds = settings.integrator == IntegratorKind::Progressive;
         let spp = if is_in_rounds { settings.spp } else { 1 };
-        // By the first trial, which took longer than in proportion: some of its time does not depend on its photons.
+        // The estimate from the first trial is too high, as part of its time does not depend on the number of photons.
         let mut per_scale = trial.seconds / trial.scale;
         let (mut time, mut samples) = self.time_for_maps(sample, spp, per_scale, is_in_rounds);
         let growth = SECOND_TRIAL * time / trial.seconds.max(f64::MIN_POSITIVE);
@@ -157,7 +158,7 @@ impl Pace<'_> {
                 return Ok(unchanged(second, Duration::ZERO, None, Vec::new()));
             }
             let more = (second.seconds - trial.seconds) / (second.scale - trial.scale);
-            // Two times that are nearly equal say little.
+            // The difference of two nearly equal times is uncertain, so the estimate has a lower bound.
             per_scale = more.max(0.25 * second.seconds / second.scale);
             trial = second;
             (time, samples) = self.time_for_maps(sample, spp, per_scale, is_in_rounds);
@@ -171,14 +172,14 @@ impl Pace<'_> {
         if scale >= 1.0 && spp == settings.spp {
             return Ok(unchanged(trial, sample, tracing, warnings));
         }
-        // Maps that are hardly better are not worth building.
+        // Maps with hardly more photons than those of the trial are not worth building.
         let (fitted, maps) = match scale > 1.25 * trial.scale {
             true => (self.scaled(settings, scale), None),
             false => (trial.settings, Some(trial.maps)),
         };
         let fitted = Settings { spp, ..fitted };
         warnings.extend(self.told(counts, &fitted, is_in_rounds, settings.spp));
-        // Photons of a trial are those of these settings, which count samples besides.
+        // The maps of a trial are valid for these settings, which differ in their samples only.
         Ok(Paced { settings: fitted, maps, tracing, seconds_sample: sample, warnings })
     }
 
@@ -199,7 +200,7 @@ impl Pace<'_> {
         pass.measure(Duration::from_secs_f64(PIXELS * self.left()))
     }
 
-    /// Seconds for photon maps, and samples per pixel of a round, where all photons would take `maps` seconds.
+    /// Seconds for photon maps, and samples per pixel of a round, given that all photons would take `maps` seconds.
     fn time_for_maps(&self, sample: Duration, spp: u32, maps: f64, is_in_rounds: bool) -> (f64, u32) {
         let left = self.left();
         let sample = CAUTION * sample.as_secs_f64();
@@ -211,13 +212,13 @@ impl Pace<'_> {
             return (CAUTION * maps, spp);
         }
         let round = left / ROUNDS_WANTED;
-        // Samples get their half of a round where photons could use more.
+        // Samples get at least half of a round.
         let affordable = (0.5 * round).max(round - CAUTION * maps) / sample.max(f64::MIN_POSITIVE);
         let spp = (affordable as u32).clamp(1, spp);
         (round - f64::from(spp) * sample, spp)
     }
 
-    /// What is done in place of what was asked for.
+    /// Warning about reduced photons or samples, where there are any.
     fn told(&self, asked: PhotonCounts, fitted: &Settings, is_in_rounds: bool, spp: u32) -> Option<String> {
         let Settings { global_photons, caustic_photons, .. } = *fitted;
         let parts = [

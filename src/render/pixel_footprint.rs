@@ -1,12 +1,13 @@
-//! Footprint of a pixel on each surface, by a simple pretrace from the camera (Jensen & Christensen 1995, section 3.2).
+//! Footprint of a pixel on each surface, from one camera ray per pixel (the pretrace of Jensen & Christensen 1995, section 3.2).
 
 use crate::camera::Camera;
 use crate::scene::Scene;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// By surface, the smallest distance between the places that rays through the centres of adjacent pixels hit on it, render space;
-/// infinite for what is hit by no two adjacent ones. For the whole picture, whatever window of it is rendered.
+/// Finest pixel footprint by surface: the smallest distance between the points that rays through the centres of adjacent pixels hit on
+/// it, in render space. It is infinite for surfaces that no two adjacent rays hit. The result covers the whole picture, even where only a
+/// window is rendered.
 pub fn finest_distances(scene: &Scene, camera: &Camera, (width, height): (u32, u32)) -> Vec<f32> {
     let size = Vec2::new(width as f32, height as f32);
     let row = |y: u32| -> Vec<Option<(u32, Vec3)>> {

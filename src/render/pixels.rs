@@ -1,4 +1,5 @@
-//! Pass 2: tiles of pixels on all threads, merged in order.
+//! Pass 2: renders tiles of pixels on all threads and merges them in order. The entry points are [`render`] and
+//! [`render_with_maps`].
 
 use super::adaptive::{Moments, SampleCounts, pilot_samples};
 use super::glints::{GlintSearch, Glints, find_glints};
@@ -31,88 +32,89 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-/// What is to be rendered.
+/// A request to render one picture.
 #[derive(Clone, Debug)]
 pub struct RenderRequest {
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// Only these pixels.
+    /// Crop window: only these pixels are rendered. `None` for the whole picture.
     pub crop: Option<PixelRect>,
     /// Reconstruction filter.
     pub filter: Filter,
-    /// Layers beside the five parts of the picture.
+    /// Layers in addition to the five parts of the picture.
     pub layers: LayerSet,
     /// Settings.
     pub settings: Settings,
 }
 
-/// Why a render ended before all its samples were taken.
+/// The pass in which a render was stopped before all its samples were taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
-    /// During pass 1: there is no picture.
+    /// During pass 1, or before the first pixel: there is no picture.
     BeforePixels,
     /// During pass 2: pixels have fewer samples than asked for, some may have none.
     DuringPixels,
 }
 
-/// A picture, and how it came about.
+/// A rendered picture with its statistics.
 #[derive(Debug)]
 pub struct Rendered {
     /// The film.
     pub film: Film,
-    /// Numbers.
+    /// Statistics of the render.
     pub statistics: Statistics,
-    /// Whether it was stopped early.
+    /// The pass in which the render was stopped early; `None` where it is complete.
     pub stopped: Option<Stop>,
-    /// Why rounds could not be kept, where the file has not all of them.
+    /// Why the checkpoint could not be written, where the file lacks some of the rounds.
     pub checkpoint_failure: Option<CheckpointError>,
 }
 
-/// Why nothing can be rendered.
+/// An error that prevents rendering.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The film.
+    /// The film cannot be created.
     #[error(transparent)]
     Film(#[from] FilmError),
-    /// The filter.
+    /// The filter is not valid.
     #[error(transparent)]
     Filter(#[from] FilterError),
-    /// The photon maps.
+    /// The photon maps do not fit into memory.
     #[error(transparent)]
     Memory(#[from] MemoryError),
-    /// No samples.
+    /// No camera samples were requested.
     #[error("0 samples per pixel give no picture; --spp must be at least 1")]
     NoSamples,
-    /// An error to reach, and a way to compute that cannot tell its error.
+    /// A target error was given with an integrator that has no error estimate.
     #[error(
         "only --integrator progressive knows its error while it renders: choose it, or leave --target-error out"
     )]
     TargetWithoutRounds,
-    /// Photons in media that scatter.
+    /// The scene has a scattering medium and the settings use photons.
     #[error(
         "the medium `{0}` scatters light, which --integrator path alone renders (without --guide photons): photon maps hold no light in media"
     )]
     Scattering(String),
-    /// A render that cannot be gone on with.
+    /// The render cannot be resumed.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
 }
 
-/// Pixels on a side of a tile.
+/// Side length of a tile, in pixels.
 const TILE: u32 = 16;
 
-/// Tiles rendered before they are merged: bounds the memory for tiles, and how long threads wait for the last.
+/// Tiles that are rendered before they are merged. The number bounds the memory for tiles. It should be large, as threads wait for the
+/// last tile of each group.
 const TILES_AT_ONCE: usize = 512;
 
-/// Camera samples per pixel in one pass over the picture, after the first ones that show it quickly.
+/// Most camera samples per pixel in one pass over the picture. The first passes are smaller, so that the picture shows quickly.
 const LARGEST_PASS: u32 = 16;
 
-/// Renders. Runs on the current rayon pool; the result does not depend on its size.
+/// Renders a picture. It runs on the current rayon pool; the result does not depend on the size of the pool.
 ///
 /// # Errors
-/// Where the request makes no sense.
+/// If the request is not valid ([`RenderError`]).
 pub fn render(
     scene: &Scene,
     camera: &Camera,
@@ -122,7 +124,7 @@ pub fn render(
     render_with_maps(scene, camera, request, None, observer)
 }
 
-/// Refuses photons where media scatter.
+/// Returns an error where a medium of the scene scatters and the settings use photons.
 pub(super) fn check_media(scene: &Scene, settings: &Settings) -> Result<(), RenderError> {
     let is_path = settings.integrator == IntegratorKind::Path && settings.guide == GuideKind::None;
     match scene.media().iter().find(|medium| medium.volume.is_some()) {
@@ -131,13 +133,14 @@ pub(super) fn check_media(scene: &Scene, settings: &Settings) -> Result<(), Rend
     }
 }
 
-/// [`render`], with the photons of `saved`, which must have been checked to be those of this scene and these settings
-/// ([`SavedMaps::check`]), in place of traced ones: the same picture to the bit, but
-/// for scenes whose photons would be shared out by what the camera sees ([`RenderPlan::photon_budget`]). A file is not made for
-/// a camera: its photons are shared out by flux, which a warning says.
+/// Renders as [`render`] does, with the photons of `saved` in place of traced ones. The caller must have checked that they belong to this
+/// scene and these settings ([`SavedMaps::check`]).
+///
+/// The picture is the same to the bit, except for scenes whose photons would be allocated to lights by what the camera sees
+/// ([`RenderPlan::photon_budget`]). A file is not made for a camera: its photons are allocated by flux, and a warning says so.
 ///
 /// # Errors
-/// As [`render`].
+/// The same as for [`render`].
 pub fn render_with_maps(
     scene: &Scene,
     camera: &Camera,
@@ -165,7 +168,7 @@ pub fn render_with_maps(
     let plan = settings.plan(scene);
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sums_up = settings.illumination_maps && scene.has_illumination_maps();
-    // A file holds the photons themselves, also of objects with illumination maps.
+    // A file holds individual photons, also those of objects with illumination maps.
     let reads = saved.is_some().then(|| Settings { illumination_maps: false, ..settings.clone() });
     let settings = reads.as_ref().unwrap_or(settings);
     let finest = if sums_up && saved.is_none() {
@@ -176,7 +179,7 @@ pub fn render_with_maps(
     let mut memory = scene_memory(scene);
     let budget = photon_budget(scene, camera, &plan, settings);
     let shared = budget.as_ref().filter(|_| saved.is_none());
-    // Photons of a file are as many as they are.
+    // The number of photons in a file is fixed, so a time limit does not change it.
     let paced = match observer.deadline().filter(|_| saved.is_none()) {
         Some(deadline) => {
             let budget = shared;
@@ -265,31 +268,31 @@ pub fn render_with_maps(
     Ok(Rendered { film, statistics, stopped, checkpoint_failure: None })
 }
 
-/// Random numbers of camera samples: those of a seed, from some number on.
+/// Random numbers of the camera samples: the seed, and the index of the first sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CameraSamples {
     pub(super) seed: u64,
     pub(super) first: u32,
 }
 
-/// Pass 2: the irradiance cache, where there is one, and pixels.
+/// Pass 2: fills the irradiance cache, where there is one, and renders the pixels.
 pub(super) struct PassTwo<'a> {
     pub(super) scene: &'a Scene,
     pub(super) camera: &'a Camera,
     pub(super) request: &'a RenderRequest,
-    /// Those of the request, but for the seed of the cache.
+    /// The settings of the request, except for the seed, counts reduced to fit the time, and options that rounds or saved maps switch off.
     pub(super) settings: &'a Settings,
     pub(super) plan: &'a RenderPlan,
     pub(super) maps: &'a PhotonMaps,
     pub(super) reading: PhotonMapSettings,
     pub(super) glints: Option<&'a Glints<'a>>,
     pub(super) samples: CameraSamples,
-    /// What a sample of every pixel takes, by [`PassTwo::measure`]; zero where there is no time limit.
+    /// Time that one sample of every pixel takes, from [`PassTwo::measure`]; zero where there is no time limit.
     pub(super) seconds_sample: Duration,
     pub(super) observer: &'a dyn Observer,
 }
 
-/// What pass 2 took.
+/// Counters, times and memory of pass 2.
 #[derive(Debug)]
 pub(super) struct PassTwoReport {
     pub(super) counters: Counters,
@@ -304,7 +307,7 @@ pub(super) struct PassTwoReport {
 }
 
 impl PassTwo<'_> {
-    /// `None` where it was stopped before the first pixel.
+    /// Runs the pass. Returns `None` where it was stopped before the first pixel.
     pub(super) fn run(&self, film: &mut Film) -> Result<Option<PassTwoReport>, RenderError> {
         let Self { scene, settings, plan, maps, reading, observer, .. } = *self;
         let sampler = self.request.filter.sampler()?;
@@ -344,7 +347,7 @@ impl PassTwo<'_> {
         }))
     }
 
-    /// What samples are computed by, without an irradiance cache.
+    /// The integrator of the settings, without an irradiance cache.
     fn integrator(&self, medium: MediumStack) -> Box<dyn Integrator + '_> {
         let Self { scene, settings, plan, maps, reading, .. } = *self;
         match settings.integrator {
@@ -372,7 +375,7 @@ impl PassTwo<'_> {
         let Self { scene, settings, .. } = *self;
         let lamps = match settings.integrator {
             IntegratorKind::Photons => VisibleEmitters::default(),
-            // Rays of their own would not see what a medium hides.
+            // The extra rays would ignore attenuation by the medium.
             _ if scene.scatters() => VisibleEmitters::default(),
             IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
                 VisibleEmitters::new(scene, self.camera, medium, self.request)
@@ -387,9 +390,9 @@ impl PassTwo<'_> {
             lamps,
             glints: self.glints,
             certain: match settings.integrator {
-                // What others are measured by.
+                // The path tracer is the reference for the other integrators.
                 IntegratorKind::Path => None,
-                // Of even and odd rounds, each of which has its own numbers.
+                // Even and odd rounds have their own sample numbers, so samples of both are counted.
                 IntegratorKind::Progressive => Some(2.0 * self.samples.first as f32 + settings.spp as f32),
                 IntegratorKind::PhotonMap | IntegratorKind::Photons => Some(settings.spp as f32),
             },
@@ -399,15 +402,16 @@ impl PassTwo<'_> {
         }
     }
 
-    /// Seconds that one sample of every pixel takes on all threads, without an irradiance cache: measured at pixels all over the
-    /// picture for about as long as `time`, and at a few of them in any case.
+    /// Time that one sample of every pixel takes on all threads, without an irradiance cache. It is measured at pixels spread over the
+    /// whole picture for about as long as `time`, and at a minimum number of them in any case.
     pub(super) fn measure(&self, time: Duration) -> Result<Duration, RenderError> {
-        /// Pixels in a batch, for each thread.
+        /// Pixels per thread in a batch.
         const BATCH: usize = 16;
-        /// One in so many pixels is measured in any case, and at most: fewer tell how busy the machine was just then.
+        /// One of `FEWEST` pixels is measured in any case, and at most one of `MOST`. Fewer would measure how busy the machine was at
+        /// that moment.
         const FEWEST: usize = 256;
         const MOST: usize = 16;
-        /// The fractional parts of its multiples fill the unit interval evenly.
+        /// The fractional parts of the multiples of this number fill the unit interval evenly.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let sampler = self.request.filter.sampler()?;
         let medium = self.scene.medium_at(self.camera.eye());
@@ -434,7 +438,7 @@ impl PassTwo<'_> {
         Ok(start.elapsed().mul_f64(area as f64 / done as f64))
     }
 
-    /// Fills the irradiance cache for the whole picture, whatever part of it is rendered. `None` where it was stopped.
+    /// Fills the irradiance cache for the whole picture, even where only a window of it is rendered. Returns `None` where it was stopped.
     fn fill_cache(&self, integrator: &mut PhotonMapIntegrator<'_>) -> Option<CacheStatistics> {
         let Self { camera, settings, observer, .. } = *self;
         let RenderRequest { width, height, .. } = *self.request;
@@ -446,8 +450,8 @@ impl PassTwo<'_> {
             error: settings.cache_error,
             rays: settings.cache_samples,
         };
-        // What the cache lacks is gathered while pixels are rendered, so of a limited time it gets no more than half, and nothing of
-        // what a sample of every pixel takes.
+        // Records that the cache lacks are gathered while pixels are rendered. So filling gets at most half of a limited time, and leaves
+        // enough for one sample of every pixel.
         let start = Instant::now();
         let end = observer.deadline().map(|end| {
             let left = end.saturating_duration_since(start);
@@ -461,7 +465,7 @@ impl PassTwo<'_> {
 }
 
 impl Statistics {
-    /// Adds what pass 2 counted.
+    /// Adds the counters and times of pass 2.
     pub(super) fn take(&mut self, taken: PassTwoReport) {
         self.times.pixels += taken.seconds_pixels;
         self.times.cache += taken.seconds_cache;
@@ -478,7 +482,7 @@ impl Statistics {
         }
     }
 
-    /// What follows from all that was counted.
+    /// Computes the derived statistics and the warnings from the counters.
     pub(super) fn complete(&mut self, film: &Film, scene: &Scene) {
         let counters = &self.counters;
         self.mean_depth = counters.depth_sum as f64 / counters.camera_rays.max(1) as f64;
@@ -538,7 +542,7 @@ pub(super) fn statistics(
     }
 }
 
-/// What the scene takes, and the process with it.
+/// Memory of the scene, and of the process once the scene is built.
 fn scene_memory(scene: &Scene) -> MemoryStatistics {
     let bytes = |geometry: &Geometry| match geometry {
         Geometry::Mesh(mesh) => {
@@ -563,7 +567,8 @@ struct PixelPass<'a> {
     scene: &'a Scene,
     lamps: VisibleEmitters,
     glints: Option<&'a Glints<'a>>,
-    /// Camera samples that pixels have of all rounds up to this one, where lamps met by chance count by those.
+    /// Camera samples per pixel of all rounds up to this one. The MIS weight of emitters that are hit by chance uses them; `None` where
+    /// there is no such weight.
     certain: Option<f32>,
     medium: MediumStack,
     samples: CameraSamples,
@@ -571,7 +576,7 @@ struct PixelPass<'a> {
 }
 
 impl PixelPass<'_> {
-    /// Takes all samples, in passes that each give the whole picture some.
+    /// Takes all samples, in passes over the whole picture.
     fn run(&self, film: &mut Film) -> Result<PixelsDone, FilmError> {
         let spp = self.request.settings.spp;
         let rect = film.rect();
@@ -592,8 +597,8 @@ impl PixelPass<'_> {
         Ok(done)
     }
 
-    /// Takes a few samples of every pixel, then shares out the others by what those tell. The first ones are taken of the whole
-    /// picture also where a window of it is rendered, so that it shows the same.
+    /// Takes a few samples of every pixel (the pilot), then distributes the other samples by the variance of the pilot. The pilot covers
+    /// the whole picture even where only a window is rendered, so that the window equals that part of the whole picture.
     fn run_adaptive(&self, film: &mut Film) -> Result<PixelsDone, FilmError> {
         let RenderRequest { width, height, ref settings, .. } = *self.request;
         let whole = PixelRect::whole(width, height);
@@ -617,8 +622,8 @@ impl PixelPass<'_> {
         Ok(done)
     }
 
-    /// One pass over `tiles`: of each pixel the samples that `samples` tells. What lies outside of the film is rendered for its
-    /// `moments` alone, which belong to the whole picture. `false` where it was stopped.
+    /// One pass over `tiles`: takes the samples with the indices `samples(x, y)` of each pixel. Pixels outside the film are rendered only
+    /// for their `moments`, which cover the whole picture. Returns `false` where it was stopped.
     fn pass(
         &self,
         tiles: &[PixelRect],
@@ -633,10 +638,10 @@ impl PixelPass<'_> {
         for group in tiles.chunks(TILES_AT_ONCE) {
             let rendered: Vec<Option<RenderedTile>> = group
                 .par_iter()
-                // One by one: whole halves of a row of tiles would leave threads without work at the end.
+                // One tile per task: larger tasks would leave threads without work at the end.
                 .with_max_len(1)
                 .map_init(Scratch::default, |scratch, &rect| {
-                    // The first sample of every pixel is taken however late it is: without it there is no picture.
+                    // The first sample of every pixel is taken even after the deadline: without it there is no picture.
                     let is_first = samples(rect.x0, rect.y0).start == 0;
                     if self.observer.is_cancelled() || !is_first && self.observer.should_stop() {
                         return Ok(None);
@@ -689,7 +694,7 @@ impl PixelPass<'_> {
         let (width, height) = (self.request.width, self.request.height);
         let CameraSamples { seed, first } = self.samples;
         let size = Vec2::new(width as f32, height as f32);
-        // Back from render space; a power of two, so nothing is rounded.
+        // Converts radiance from render space; the factor is a power of two, so nothing is rounded.
         let scale = 1.0 / self.scene.space().power;
         let lamps = self.lamps.near(rendered.rect);
         for (x, y) in rendered.rect.pixels() {
@@ -710,7 +715,7 @@ impl PixelPass<'_> {
                 let mut stream = SampleStream::new(seed, pixel, index);
                 let filtered = self.sampler.sample(stream.next_2d());
                 let place = FilmPlace { size, center, offset: filtered.offset };
-                // A pinhole takes no numbers for a lens.
+                // A pinhole camera uses no random numbers for the lens.
                 let lens = self.camera.lens().map_or(Vec2::ZERO, |_| stream.next_2d());
                 let ray = CameraRay::new(self.camera, place, lens);
                 let known = self.glints.map(|known| GlintView {
@@ -754,28 +759,28 @@ impl PixelPass<'_> {
     }
 }
 
-/// Weights of the channels in luminance, Rec. 709.
+/// Luminance weights of the channels (Rec. 709).
 const LUMINANCE: DVec3 = DVec3::new(0.2126, 0.7152, 0.0722);
 
-/// What one thread made of one tile.
+/// Result of one tile.
 #[derive(Default)]
 struct RenderedTile {
     rect: PixelRect,
-    /// Of the part that lies in the film.
+    /// Samples of the part that lies in the film; `None` where no part does.
     tile: Option<Tile>,
-    /// By pixel of the rectangle, where wanted.
+    /// Moments by pixel of the rectangle; empty where they are not needed.
     moments: Vec<Moments>,
     counters: Counters,
     shadows: Vec<ShadowCounters>,
     samples: u64,
-    /// Whether pixels lack samples, as it was to stop.
+    /// Whether pixels lack samples because the render was stopped.
     is_cut: bool,
 }
 
-/// What all pixels took.
+/// Totals over all pixels.
 struct PixelsDone {
     counters: Counters,
-    /// By light.
+    /// Counters of shadow photons, by light.
     shadows: Vec<ShadowCounters>,
     finished: bool,
     adaptive: Option<AdaptiveStatistics>,
@@ -792,7 +797,8 @@ impl PixelsDone {
     }
 }
 
-/// `radiance` times `scale`, at most the largest `f32`, which the film counts as clamped. What is not finite stays so.
+/// `radiance` times `scale`, clamped to the largest `f32`, which the film counts as clamped. A value that is not finite is returned
+/// unchanged.
 fn to_world(radiance: Rgb, scale: f64) -> Rgb {
     if !radiance.is_finite() {
         return radiance;

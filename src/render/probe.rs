@@ -1,4 +1,4 @@
-//! Irradiance at places of the scene, by several estimators side by side.
+//! Probes irradiance at points of the scene with several estimators side by side.
 
 use super::RenderError;
 use super::batches::mean_of_batches;
@@ -17,21 +17,21 @@ use rayon::prelude::*;
 use std::fmt::Write;
 use std::time::Instant;
 
-/// How irradiance is estimated.
+/// Estimator of irradiance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ProbeEstimator {
-    /// From the photons around the place, with the kernel, count and checking of the settings.
+    /// Density estimate from the photons around the point, with the kernel, photon count and checks of the settings.
     PhotonMap,
-    /// As pictures are made: shadow rays, caustic map, final gathering.
+    /// The method of rendering: shadow rays, caustic map, final gathering.
     Gather,
-    /// Unbiased paths that read no map.
+    /// Unbiased path tracing without photon maps.
     Path,
-    /// From the illumination map of the surface, where it has one; direct light counts as indirect there.
+    /// Lookup in the illumination map of the surface, where it has one. Direct light counts as indirect there.
     IlluminationMap,
 }
 
 impl ProbeEstimator {
-    /// Name in tables and on the command line.
+    /// The name in tables and on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::PhotonMap => "photon-map",
@@ -41,83 +41,84 @@ impl ProbeEstimator {
         }
     }
 
-    /// Whether it draws samples, which have a standard error.
+    /// Whether it takes random samples, which have a standard error.
     fn is_sampled(self) -> bool {
         matches!(self, Self::Gather | Self::Path)
     }
 }
 
-/// Where to look. Metres, world axes.
+/// A point to probe. Metres, world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProbePoint {
-    /// On the surface, or above it.
+    /// A position on the surface or above it.
     pub position: DVec3,
-    /// On the side that is asked about; need not have unit length, and only says from where to look.
+    /// The direction from the surface to the side to be probed. It selects the side only and need not have unit length.
     pub normal: DVec3,
 }
 
-/// What to probe.
+/// A request to probe points.
 #[derive(Clone, Debug)]
 pub struct ProbeRequest {
-    /// Where.
+    /// The points.
     pub points: Vec<ProbePoint>,
-    /// By what.
+    /// The estimators.
     pub estimators: Vec<ProbeEstimator>,
-    /// Samples of each estimator that draws some, over all batches.
+    /// Samples of each estimator that takes random samples, over all batches.
     pub samples: u32,
-    /// Batches that share nothing: each has photon maps of its own, of as many photons as the settings say, and its share of the
-    /// samples. Readings are their mean, and the standard error is what they differ by. The first is what one alone would be.
+    /// Number of independent batches. Each has photon maps of its own, with as many photons as the settings specify, and its share of
+    /// the samples. A reading is the mean over batches; its standard error follows from their differences. The first batch equals a
+    /// single batch.
     pub batches: u32,
-    /// How far above and below a point, along its normal, the surface nearest to it is looked for; where there is none, it is the
-    /// first one below. Metres.
+    /// The nearest surface is searched within this distance above and below a point, along its normal. Where there is none, the first
+    /// surface below the point is used. Metres.
     pub lift: f64,
-    /// Of maps and estimates.
+    /// Settings of maps and estimates.
     pub settings: Settings,
 }
 
-/// Batches by default: their errors are then a fifth wider than those of many batches.
+/// Default number of batches: intervals are then a fifth wider than for many batches.
 pub const PROBE_BATCHES: u32 = 8;
 
-/// Irradiance by one estimator. W/m^2, cosine included: direct, caustic, indirect, and all together.
+/// Irradiance from one estimator: direct, caustic, indirect and total. W/m^2, cosine included.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reading {
-    /// By what.
+    /// The estimator.
     pub estimator: ProbeEstimator,
     /// Means over samples and batches.
     pub irradiance: [DVec3; 4],
-    /// Standard errors of these, with the noise of photon maps in them: the mean +- 1.96 of them holds the expectation of the
-    /// estimator 95 times in 100. They say nothing of bias, as the blur of estimates from photons. `None` where the noise is not
-    /// known: from one batch (but for paths, by their samples), and where something is missing.
+    /// Standard errors of the means, which include the noise of the photon maps: the interval mean +- 1.96 errors contains the
+    /// expectation of the estimator 95 times in 100. They do not include bias, such as the blur of density estimates. `None` where the
+    /// noise is unknown: with one batch (except for paths, whose samples give it), and where light is missing.
     pub standard_error: Option<[DVec3; 4]>,
-    /// Light that this estimator does not find or hardly ever, in words: the irradiance is then a lower bound.
+    /// A description of light that this estimator never or hardly ever finds. The irradiance is then a lower bound.
     pub missing: Option<String>,
 }
 
-/// What was found at a point.
+/// The surface at a probed point, and its readings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProbedSurface {
     /// Name of the shape.
     pub object: String,
-    /// The place of the surface; metres.
+    /// The position on the surface; metres.
     pub position: DVec3,
-    /// Its geometric normal, on the side that was asked about.
+    /// Its geometric normal, on the probed side.
     pub normal: DVec3,
     /// Radiant exitance over irradiance, where the surface is Lambertian.
     pub reflectance: Option<Rgb>,
-    /// By estimator, in the order of the request; without those that do not apply to this surface.
+    /// Readings by estimator, in the order of the request. Estimators that do not apply to this surface are left out.
     pub readings: Vec<Reading>,
 }
 
-/// All points.
+/// Result of probing.
 #[derive(Clone, Debug)]
 pub struct Probed {
-    /// By point; `None` where no surface was below it.
+    /// Surfaces by point; `None` where no surface is below the point.
     pub points: Vec<Option<ProbedSurface>>,
-    /// Things a user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
-/// Samples of one task.
+/// Samples in one parallel task.
 const CHUNK: u32 = 256;
 
 /// Sums over the samples of a batch.
@@ -147,7 +148,7 @@ impl Sums {
         self.values.map(|sum| sum / f64::from(count))
     }
 
-    /// Standard errors of the mean as if samples were independent: an upper bound, since they are stratified.
+    /// Standard errors of the mean for independent samples: an upper bound, since the samples are stratified.
     fn error(&self, count: u32) -> [DVec3; 4] {
         let n = f64::from(count);
         std::array::from_fn(|i| {
@@ -158,20 +159,20 @@ impl Sums {
     }
 }
 
-/// What one estimator found at one point.
+/// Results of one estimator at one point.
 #[derive(Clone, Debug, Default)]
 struct Tally {
-    /// By batch.
+    /// Means by batch.
     means: Vec<[DVec3; 4]>,
-    /// By the samples of the last batch, where there were several.
+    /// Standard errors from the samples of the last batch, where it has several.
     error: Option<[DVec3; 4]>,
 }
 
 impl Tally {
-    /// `power` is what render space multiplies by; see [`Reading::missing`].
+    /// The reading of this tally. `power` is the factor of power in render space; for `missing` see [`Reading::missing`].
     fn reading(&self, estimator: ProbeEstimator, power: f64, missing: Option<String>) -> Reading {
         let (irradiance, between) = mean_of_batches(&self.means);
-        // The samples of a gather do not know the noise of the map that all of them read.
+        // Gather samples all read the same map, so their spread does not include its noise.
         let within = self.error.filter(|_| estimator == ProbeEstimator::Path);
         let error = between.or(within).filter(|_| missing.is_none());
         let to_world = |values: [DVec3; 4]| values.map(|value| value / power);
@@ -179,19 +180,19 @@ impl Tally {
     }
 }
 
-/// A point on its surface.
+/// A probed point, projected onto its surface.
 struct Landing {
     hit: SurfaceInteraction,
     receiver: Receiver,
     medium: MediumStack,
-    /// Whether it is no farther from the point than the lift.
+    /// Whether the surface is within the lift of the point.
     is_near: bool,
 }
 
-/// Probes the scene. `None` where the observer stopped it. The result does not depend on the number of threads.
+/// Probes the scene. Returns `None` where the observer stopped it. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// Where photon maps would not fit into memory.
+/// If the photon maps would not fit into memory, or if a medium scatters and an estimator reads photon maps.
 pub fn probe(
     scene: &Scene,
     request: &ProbeRequest,
@@ -201,7 +202,7 @@ pub fn probe(
     let settings = Settings {
         integrator: IntegratorKind::PhotonMap,
         irradiance_cache: false,
-        // What only gather rays read.
+        // Gather rays alone read precomputed irradiance.
         precomputed_irradiance: request.settings.precomputed_irradiance && asks(ProbeEstimator::Gather),
         ..request.settings.clone()
     };
@@ -229,7 +230,7 @@ pub fn probe(
                 return Ok(None);
             }
             maps = pass.maps;
-            // Later maps differ from the first by chance alone.
+            // Later maps differ from the first in their random numbers only, so one set of warnings is enough.
             if batch == 0 {
                 warnings = pass.warnings;
             }
@@ -274,12 +275,12 @@ pub fn probe(
     Ok(Some(Probed { points, warnings }))
 }
 
-/// Seed of a batch: that of the settings for the first.
+/// Seed of a batch; the first batch has the seed of the settings.
 fn batch_seed(seed: u64, batch: u32) -> u64 {
     if batch == 0 { seed } else { mix(mix(seed) ^ u64::from(batch)) }
 }
 
-/// Points that are not on the surface that was found below them, so that it may be another one than was meant.
+/// Warns of points that are not on the surface found below them: the user may have meant another surface.
 fn warn_of_distance(scene: &Scene, landings: &[Option<Landing>], lift: f64) -> Option<String> {
     let far = || landings.iter().flatten().filter(|landing| !landing.is_near);
     let mut names: Vec<&str> = far().map(|landing| scene.surface(&landing.hit).name.as_str()).collect();
@@ -295,7 +296,7 @@ fn warn_of_distance(scene: &Scene, landings: &[Option<Landing>], lift: f64) -> O
     })
 }
 
-/// One sentence for each kind of light that paths miss.
+/// One warning for each kind of light that paths miss.
 fn warn_of_missing(points: &[Option<ProbedSurface>]) -> Vec<String> {
     let mut warnings: Vec<String> = Vec::new();
     for reading in points.iter().flatten().flat_map(|surface| &surface.readings) {
@@ -311,10 +312,10 @@ fn warn_of_missing(points: &[Option<ProbedSurface>]) -> Vec<String> {
     warnings
 }
 
-/// The surface nearest to a point within the lift above and below it, or else the first one below it, seen from the side of its
-/// normal.
+/// The surface nearest to a point within the lift above and below it, or else the first surface below the point. It is seen from the
+/// side of the point's normal.
 fn land(scene: &Scene, point: &ProbePoint, lift: f64) -> Option<Landing> {
-    /// Surfaces above a point that are passed, at most.
+    /// Most surfaces above a point that are passed.
     const PASSED: usize = 256;
     let normal = point.normal.try_normalize()?;
     let (start, down) = (point.position + lift * normal, -normal.as_vec3());
@@ -328,7 +329,7 @@ fn land(scene: &Scene, point: &ProbePoint, lift: f64) -> Option<Landing> {
         if nearest.as_ref().is_none_or(|(distance, _)| below.abs() < *distance) {
             nearest = Some((below.abs(), hit));
         }
-        // Others are farther below.
+        // All later surfaces are farther below the point.
         if below >= 0.0 {
             break;
         }
@@ -345,14 +346,14 @@ struct Probing<'a> {
     settings: &'a Settings,
     maps: &'a PhotonMaps,
     request: &'a ProbeRequest,
-    /// Of each estimator that draws some, in this batch.
+    /// Samples of each estimator that takes random samples, in this batch.
     samples: u32,
     batch: u32,
     batches: u32,
 }
 
 impl Probing<'_> {
-    /// Adds this batch to the tallies, which are by point and estimator. `None` where the observer stopped it.
+    /// Adds this batch to the tallies, which are indexed by point and estimator. Returns `None` where the observer stopped it.
     fn run(
         &self,
         landings: &[Option<Landing>],
@@ -383,7 +384,7 @@ impl Probing<'_> {
                         Some(mapped.gathered_irradiance(receiver, *medium, &mut stream, scratch))
                     }
                     ProbeEstimator::Path => Some(paths.irradiance(receiver, *medium, &mut stream, scratch)),
-                    // Nothing rather than zero where a surface has no such map.
+                    // `None` rather than zero where a surface has no illumination map.
                     ProbeEstimator::IlluminationMap => mapped.summed_irradiance(receiver),
                 }
             };
@@ -431,8 +432,9 @@ fn describe(scene: &Scene, request: &ProbeRequest, landing: &Landing, tallies: &
     }
 }
 
-/// Lights that paths from this place meet by way of glass and mirrors in fewer than one sample of each batch, in words: no shadow
-/// ray passes an ideal surface, so only chance finds such light there. A point or parallel light is never met.
+/// A description of the lights that paths from this position hit through glass or mirrors in fewer than one sample per batch. A shadow
+/// ray does not pass an ideal specular surface, so only paths that happen to hit the light find it there. A point or parallel light is
+/// never hit.
 fn missed_by_paths(scene: &Scene, position: Vec3, request: &ProbeRequest) -> Option<String> {
     let is_ideal = |material: u32| scene.materials()[material as usize].1.has_specular();
     if !scene.surfaces().iter().any(|surface| surface.all_materials().any(is_ideal)) {
@@ -451,13 +453,13 @@ fn missed_by_paths(scene: &Scene, position: Vec3, request: &ProbeRequest) -> Opt
 }
 
 impl Probed {
-    /// A table with one line for each point and estimator; the first line names columns and their units. Standard errors are
-    /// of the total; what is not known is left empty. The last column says what light an estimator misses.
+    /// A CSV table with one line for each point and estimator. The first line names the columns and their units. Standard errors belong
+    /// to the total; unknown values are left empty. The last column describes the light that an estimator misses.
     pub fn to_csv(&self) -> String {
         let mut text = String::from("point,object,x [m],y [m],z [m],nx,ny,nz,estimator");
         for part in ["direct", "caustic", "indirect", "irradiance", "standard error", "exitance"] {
             for channel in ["R", "G", "B"] {
-                // Writing to a string does not fail.
+                // Writing to a string cannot fail.
                 let _ = write!(text, ",{part} {channel} [W/m^2]");
             }
         }
@@ -468,7 +470,7 @@ impl Probed {
                 continue;
             };
             let name = surface.object.replace('"', "\"\"");
-            // Minus zero is shown as zero.
+            // Adding zero turns minus zero into zero.
             let (p, n) = (surface.position + DVec3::ZERO, surface.normal + DVec3::ZERO);
             for reading in &surface.readings {
                 let _ = write!(

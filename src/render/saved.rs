@@ -1,4 +1,4 @@
-//! Photon maps that are kept in a file, and when they are those that a render would trace.
+//! Photon maps in a file, and the check that a render would trace the same photons.
 
 use super::maps::{IRRADIANCE_STRIDE, PassOne, build_maps};
 use super::memory::PhotonCounts;
@@ -14,13 +14,13 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The settings that photons depend on. Whatever else is set, the camera and the picture change none.
+/// The settings that photons depend on. All other settings, the camera and the picture do not affect photons.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct PhotonSettings {
-    /// Those of [`Maps::Photons`], with underscores.
+    /// The settings of [`Maps::Photons`], with underscores in their names.
     #[serde(flatten)]
     traced: Map<String, Value>,
-    /// Photons to store, once memory has been looked at; zero for a map that is not built.
+    /// Photons to store, after the memory limit is applied; zero for a map that is not built.
     global_photons: u64,
     caustic_photons: u64,
 }
@@ -33,7 +33,7 @@ impl PhotonSettings {
         Self { traced: traced.collect(), global_photons: counts.global, caustic_photons: counts.caustic }
     }
 
-    /// A value as the command line takes it; what an older file does not know is named so.
+    /// A value in the form of the command line; `(unknown)` for a setting that an older file lacks.
     fn text(&self, setting: &Setting) -> String {
         match self.traced.get(&field(setting)) {
             Some(Value::String(text)) => text.clone(),
@@ -47,12 +47,12 @@ fn settings_of(maps: Maps) -> impl Iterator<Item = &'static Setting> {
     SETTINGS.iter().filter(move |setting| setting.maps == maps)
 }
 
-/// A setting's name in the description.
+/// The name of a setting in the description.
 fn field(setting: &Setting) -> String {
     setting.name.replace('-', "_")
 }
 
-/// The settings that precomputed irradiance depends on, as text: equal text, equal irradiance.
+/// The settings that precomputed irradiance depends on, as text. Equal text means equal irradiance.
 fn irradiance_key(settings: &Settings, plan: &RenderPlan) -> String {
     let keys: Vec<String> = settings_of(Maps::Irradiance).map(|setting| setting.key(settings)).collect();
     let direct = plan.direct_at_points.build;
@@ -69,11 +69,11 @@ struct Description {
     /// Hash of everything in the scene that photons depend on.
     scene_hash: String,
     settings: PhotonSettings,
-    /// How irradiance was precomputed.
+    /// The settings of precomputed irradiance ([`irradiance_key`]); `None` where there is none.
     irradiance: Option<String>,
-    /// What tracing them counted.
+    /// Statistics of tracing the maps.
     maps: Vec<MapStatistics>,
-    /// What tracing them warned of.
+    /// Warnings of tracing the maps.
     warnings: Vec<String>,
 }
 
@@ -86,29 +86,29 @@ pub struct SavedMaps {
     seconds: f64,
 }
 
-/// Why the maps of a file are not taken.
+/// An error that prevents the use of the maps of a file.
 #[derive(Debug, thiserror::Error)]
 pub enum SavedMapsError {
-    /// The file itself.
+    /// The file cannot be read or is damaged.
     #[error(transparent)]
     File(#[from] PhotonFileError),
-    /// A description that is not understood.
+    /// The description cannot be parsed.
     #[error("{}: its description is not understood ({reason}); make it again with `cardioid photons`", file.display())]
     Description {
         /// The file.
         file: PathBuf,
-        /// What the reader of JSON says.
+        /// The message of the JSON parser.
         reason: String,
     },
-    /// Photons of another scene or of other settings.
+    /// The photons belong to another scene or to other settings.
     #[error("{}: holds other photons than this render asks for: {}", file.display(), differences.join("; "))]
     Different {
         /// The file.
         file: PathBuf,
-        /// What differs, and what to do about it.
+        /// Each difference, with a remedy.
         differences: Vec<String>,
     },
-    /// A render that would not look at them.
+    /// The render reads no photon map.
     #[error("{}: this render reads no photon map; leave out --photon-map", file.display())]
     Unused {
         /// The file.
@@ -120,7 +120,7 @@ impl SavedMaps {
     /// Reads a file that [`write_photon_maps`] wrote.
     ///
     /// # Errors
-    /// Where it cannot be read, or is not such a file, or is damaged.
+    /// If the file cannot be read, is not a file of photon maps, or is damaged.
     pub fn read(path: &Path) -> Result<Self, SavedMapsError> {
         let start = Instant::now();
         let file = read_photon_file(path)?;
@@ -131,11 +131,11 @@ impl SavedMaps {
         Ok(Self { path: path.to_owned(), description, file, seconds: start.elapsed().as_secs_f64() })
     }
 
-    /// Refuses maps that are not those that `settings` would trace in the scene with this hash
+    /// Checks that the maps equal those that `settings` would trace in the scene with this hash
     /// ([`crate::scene_file::photon_content_hash`]).
     ///
     /// # Errors
-    /// All that differs, each with a remedy.
+    /// If they do not. The error lists all differences, each with a remedy.
     pub fn check(
         &self,
         scene_hash: &str,
@@ -194,24 +194,24 @@ impl SavedMaps {
         }
     }
 
-    /// What statistics tell of the file.
+    /// Statistics of the file.
     pub(super) fn statistics(&self) -> PhotonMapFile {
         PhotonMapFile {
             file: self.path.display().to_string(),
             bytes: self.file.bytes,
             seconds_reading: self.seconds,
-            // Until it is taken.
+            // Set later, where the irradiance is used.
             irradiance: false,
         }
     }
 
-    /// Warnings of when photons were traced.
+    /// Warnings of the original tracing.
     pub(super) fn warnings(&self) -> &[String] {
         &self.description.warnings
     }
 
-    /// Takes the map of one kind: the map, and what tracing it counted. `None` where it is not there (any more) or `stop`
-    /// says so.
+    /// Takes the map of one kind, with its tracing statistics. Returns `None` where the file has no such map, where it was taken before, or
+    /// where `stop` returns true.
     pub(super) fn take(
         &mut self,
         kind: MapKind,
@@ -232,7 +232,7 @@ impl SavedMaps {
         Some((map, statistics))
     }
 
-    /// Takes the precomputed irradiance, where it is what would be precomputed for this plan.
+    /// Takes the precomputed irradiance, where it equals what would be precomputed for these settings and this plan.
     pub(super) fn take_irradiance(
         &mut self,
         settings: &Settings,
@@ -243,11 +243,11 @@ impl SavedMaps {
     }
 }
 
-/// Traces the photons that rendering with these settings would trace, and what is precomputed from them, for a file: by photon
-/// mapping, whatever integrator the settings name.
+/// Traces the photons of a render with these settings, and precomputes irradiance from them, for a file. The integrator is always photon
+/// mapping, whichever the settings name.
 ///
 /// # Errors
-/// Where the maps would not fit into memory.
+/// If the maps would not fit into memory.
 pub fn trace_photon_maps(
     scene: &Scene,
     settings: &Settings,
@@ -255,10 +255,10 @@ pub fn trace_photon_maps(
 ) -> Result<(PassOne, RenderPlan), MemoryError> {
     let settings = Settings {
         integrator: IntegratorKind::PhotonMap,
-        // Of the map, or of rays that are not photons: made anew for each picture.
+        // The guide is built from the map, and shadow photons come from other rays: both are built for each picture.
         guide: GuideKind::None,
         shadow_photons: ShadowMode::Off,
-        // Photons themselves, whatever sums them up.
+        // The file holds individual photons, also those that illumination maps would sum up.
         illumination_maps: false,
         ..settings.clone()
     };
@@ -266,10 +266,10 @@ pub fn trace_photon_maps(
     Ok((build_maps(scene, &plan, &settings, observer)?, plan))
 }
 
-/// Writes the maps of `pass` with all that tells which render they are for.
+/// Writes the maps of `pass`, with a description of the render that they are for.
 ///
 /// # Errors
-/// Where `out` fails.
+/// If writing to `out` fails.
 pub fn write_photon_maps(
     out: &mut impl Write,
     scene: &Scene,

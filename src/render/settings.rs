@@ -1,4 +1,4 @@
-//! What settings mean for a scene. The settings themselves are in [`crate::settings`].
+//! Derives the render plan from settings and a scene. The settings themselves are in [`crate::settings`].
 
 use crate::scene::{RenderPlan, Scene};
 pub use crate::settings::{
@@ -6,7 +6,7 @@ pub use crate::settings::{
 };
 
 impl Settings {
-    /// What `scene` requires for these settings.
+    /// The plan of what to build for `scene` with these settings.
     pub fn plan(&self, scene: &Scene) -> RenderPlan {
         let shows_classes = self.integrator == IntegratorKind::Photons && self.show == Show::Classes;
         RenderPlan::new(scene, self.integrator, self.map)

@@ -1,3 +1,5 @@
+//! Statistics of a render, as `--stats` writes them.
+
 use super::progressive::RoundStatistics;
 use crate::integrators::{Counters, ShadowCounters};
 use crate::memory::Resident;
@@ -17,24 +19,24 @@ pub struct Times {
     pub pixels: f64,
 }
 
-/// Memory by step, and what the scene takes.
+/// Memory by step, and of the scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct MemoryStatistics {
     /// Bytes of triangles and their normals.
     pub meshes: u64,
-    /// Bytes of Embree's hierarchies, where its memory is counted.
+    /// Bytes of Embree's hierarchies; `None` where Embree's memory is not counted.
     pub hierarchy: Option<u64>,
-    /// Once the scene is built; none where the system does not tell.
+    /// Memory of the process once the scene is built; `None` where the system does not report it.
     pub scene: Option<Resident>,
-    /// Once the photon maps are built.
+    /// Memory of the process once the photon maps are built.
     pub photons: Option<Resident>,
-    /// Once the irradiance cache is filled, where there is one.
+    /// Memory of the process once the irradiance cache is filled, where there is one.
     pub cache: Option<Resident>,
-    /// Once the picture is rendered.
+    /// Memory of the process once the picture is rendered.
     pub pixels: Option<Resident>,
 }
 
-/// What became of the photons of one light. Fluxes in watts, per channel.
+/// Counts and fluxes of the photons of one light. Fluxes are in watts, per channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhotonStatistics {
     /// Number of the light.
@@ -43,13 +45,13 @@ pub struct PhotonStatistics {
     pub emitted: u64,
     /// Photons stored.
     pub stored: u64,
-    /// Surfaces met.
+    /// Hits on surfaces.
     pub bounces: u64,
-    /// Photons that met nothing.
+    /// Photons that hit nothing.
     pub missed: u64,
     /// Photons cut off at the depth limit.
     pub truncated: u64,
-    /// Photons that met an interface in another medium than it states.
+    /// Photons that hit an interface from another medium than the interface states.
     pub medium_mismatches: u64,
     /// Flux that left the light towards the aim.
     pub flux_emitted: [f64; 3],
@@ -57,18 +59,18 @@ pub struct PhotonStatistics {
     pub flux_absorbed: [f64; 3],
     /// Flux that left the scene.
     pub flux_escaped: [f64; 3],
-    /// Flux cut off.
+    /// Flux of photons cut off at the depth limit.
     pub flux_truncated: [f64; 3],
 }
 
 /// One photon map.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapStatistics {
-    /// Which map.
+    /// Kind of the map.
     pub map: MapKind,
     /// Photons asked for.
     pub asked: u64,
-    /// Whether its photons were read from a file; the counts of the photons are then those of when they were traced.
+    /// Whether its photons were read from a file. The photon counts are then those of the original tracing.
     #[serde(default)]
     pub from_file: bool,
     /// Whether tracing was stopped before all photons were emitted.
@@ -77,13 +79,13 @@ pub struct MapStatistics {
     pub photons: u64,
     /// Photons emitted.
     pub emitted: u64,
-    /// Memory, photons and search structure.
+    /// Bytes of memory for photons and search structure.
     pub bytes: u64,
     /// Seconds to trace.
     pub seconds_tracing: f64,
     /// Seconds to build the search structure.
     pub seconds_building: f64,
-    /// By light.
+    /// Photons by light.
     pub lights: Vec<PhotonStatistics>,
 }
 
@@ -92,34 +94,34 @@ pub struct MapStatistics {
 pub struct PhotonMapFile {
     /// Its name.
     pub file: String,
-    /// Bytes of it.
+    /// Its size in bytes.
     pub bytes: u64,
-    /// Seconds to read it, before `photons` of the times.
+    /// Seconds to read it; [`Times::photons`] does not include them.
     pub seconds_reading: f64,
-    /// Whether precomputed irradiance was taken from it too.
+    /// Whether precomputed irradiance was also read from it.
     pub irradiance: bool,
 }
 
 /// Illumination maps of all objects together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct IlluminationStatistics {
-    /// How large they became.
+    /// Their sizes.
     #[serde(flatten)]
     pub sizes: crate::photons::IlluminationSizes,
     /// Seconds to sum photons up.
     pub seconds: f64,
 }
 
-/// Camera samples of pixels by variance.
+/// Adaptive camera samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AdaptiveStatistics {
-    /// Camera samples of every pixel of the whole picture before it is decided who gets more.
+    /// Pilot samples: camera samples of every pixel of the whole picture, from which the other samples are distributed.
     pub pilot: u32,
-    /// Fewest that a pixel got.
+    /// Fewest samples of a pixel.
     pub fewest: u32,
-    /// Most that a pixel got.
+    /// Most samples of a pixel.
     pub most: u32,
-    /// Mean over the whole picture.
+    /// Mean samples per pixel over the whole picture.
     pub mean: f64,
 }
 
@@ -128,13 +130,13 @@ pub struct AdaptiveStatistics {
 pub struct CacheStatistics {
     /// Records.
     pub records: u64,
-    /// Hemispheres whose light was not finite and which were left out.
+    /// Hemispheres that were left out because their light was not finite.
     pub rejected: u64,
-    /// Rays and look-ups of filling it.
+    /// Rays and lookups while it was filled.
     pub counters: Counters,
 }
 
-/// Direct and shadow photons of one light, and what they decided.
+/// Direct and shadow photons of one light, and the decisions based on them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ShadowStatistics {
     /// Number of the light.
@@ -145,60 +147,60 @@ pub struct ShadowStatistics {
     pub missed: u64,
     /// Surfaces crossed.
     pub crossings: u64,
-    /// Hits at edges and corners that were the same crossing as another.
+    /// Hits at edges and corners that were merged into another crossing.
     pub merged: u64,
-    /// Crossings beyond what is kept of one ray.
+    /// Crossings beyond the number that is kept per ray.
     pub dropped: u64,
     /// Direct photons stored.
     pub direct_photons: u64,
     /// Shadow photons stored.
     pub shadow_photons: u64,
-    /// Memory of what is kept of them.
+    /// Bytes of memory of the structure built from them.
     pub bytes: u64,
-    /// What was decided at the points that were shaded.
+    /// Decisions at shaded points.
     #[serde(flatten)]
     pub decisions: ShadowCounters,
-    /// Shadow rays saved of those that full shadow rays would have needed, percent.
+    /// Share of shadow rays that were saved, in percent of those needed without shadow photons.
     pub rays_saved_percent: f64,
 }
 
-/// What a process took of the machine.
+/// Time and memory of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ProcessStatistics {
-    /// Seconds on the clock since it started.
+    /// Wall-clock seconds since it started.
     pub wall: f64,
-    /// Seconds of the processor, all threads.
+    /// Processor seconds of all threads.
     pub cpu: f64,
-    /// Most memory that it held at a time, bytes; `None` where the system does not tell.
+    /// Peak memory in bytes; `None` where the system does not report it.
     pub peak_memory: Option<u64>,
 }
 
-/// Everything that `--stats` writes.
+/// The complete statistics that `--stats` writes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Statistics {
     /// Version of this layout.
     pub schema: u32,
-    /// Scene.
+    /// Name of the scene.
     pub scene: String,
     /// Settings.
     pub settings: super::Settings,
-    /// What was built, and why.
+    /// The plan: what was built, and why.
     pub plan: RenderPlan,
     /// Seconds by step.
     pub times: Times,
-    /// Bytes by step.
+    /// Memory by step.
     pub memory: MemoryStatistics,
-    /// Threads.
+    /// Number of threads.
     pub threads: usize,
-    /// Camera samples taken per pixel; of the asked-for ones where the render was stopped.
+    /// Mean camera samples taken per pixel: fewer than requested where the render was stopped.
     pub samples: u64,
     /// Photon maps.
     pub maps: Vec<MapStatistics>,
-    /// The file that they were read from; none where photons were traced.
+    /// The file that the maps were read from; `None` where photons were traced.
     pub photon_map_file: Option<PhotonMapFile>,
     /// Shadow photons, by light; empty where they are not used.
     pub shadows: Vec<ShadowStatistics>,
-    /// Seconds to trace and sort them.
+    /// Seconds to trace and sort shadow photons.
     pub seconds_shadows: f64,
     /// Seconds to precompute irradiance.
     pub seconds_irradiance: f64,
@@ -206,25 +208,25 @@ pub struct Statistics {
     pub irradiance_bytes: u64,
     /// The irradiance cache, where there is one.
     pub cache: Option<CacheStatistics>,
-    /// Illumination maps, where there are some.
+    /// Illumination maps, where there are any.
     pub illumination: Option<IlluminationStatistics>,
-    /// Samples by variance, where they were asked for.
+    /// Adaptive samples, where they were requested.
     pub adaptive: Option<AdaptiveStatistics>,
     /// Bytes of the distributions that guide directions.
     pub guide_bytes: u64,
-    /// Rays and look-ups of pass 2.
+    /// Rays and lookups of pass 2.
     pub counters: Counters,
     /// Segments per camera ray: the mean ray depth.
     pub mean_depth: f64,
-    /// Segments from the eye to the look-up behind a diffuse reflection, mean over these paths (filling the cache included):
-    /// the mean depth of image-sampling rays of section 6 of Jensen 1996. Zero where there are none.
+    /// Mean number of segments from the eye to the lookup behind a diffuse reflection, over these paths (including those that fill the
+    /// cache): the mean depth of image-sampling rays of section 6 of Jensen 1996. Zero where there are no such paths.
     pub mean_path_depth: f64,
     /// Samples that were not finite and were left out.
     pub rejected_samples: u64,
-    /// Rounds, where the picture was rendered in rounds.
+    /// Rounds, where the picture was rendered progressively.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rounds: Option<RoundStatistics>,
-    /// What the process took, where it is known.
+    /// Time and memory of the process, where they are known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub process: Option<ProcessStatistics>,
     /// Warnings.

@@ -1,4 +1,4 @@
-//! Statistics for people: what `--stats` writes as JSON, as a table.
+//! Statistics as a table for people; `--stats` writes the same as JSON.
 
 use super::stats::{MapStatistics, Statistics};
 use crate::integrators::Counters;
@@ -7,10 +7,10 @@ use crate::scene::MapKind;
 use std::fmt::{self, Write};
 
 impl Statistics {
-    /// Time and memory by step, rays by kind, photons by map and light, what the cache did, and warnings.
+    /// A table of time and memory by step, rays by kind, photons by map and light, cache hits, and warnings.
     pub fn to_table(&self) -> String {
         let mut text = String::new();
-        // Writing to a string does not fail.
+        // Writing to a string cannot fail.
         let _ = self.write_table(&mut text);
         text
     }

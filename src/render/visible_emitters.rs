@@ -1,8 +1,8 @@
-//! Lamps that the camera itself sees: their emission by more rays than the rest of the picture.
+//! Emitters that the camera sees directly: their emission is sampled with more rays than the rest of the picture.
 //!
-//! A lamp is far brighter than what it lights. The sliver of one behind an edge, met by one camera sample in a thousand, is a white
-//! dot in one picture and missing in the next. What a lamp sends to the camera needs no shading, so where a pixel may see one, more
-//! rays are drawn for that alone. Each is one more sample of the pixel's filter: nothing is blurred, and the mean does not change.
+//! An emitter is far brighter than the surfaces it lights. A sliver of one behind an edge, hit by one camera sample in a thousand, is a
+//! white dot in one picture and missing in the next. Direct emission needs no shading, so where a pixel may see an emitter, more rays
+//! sample its emission alone. Each ray is one more sample of the pixel's filter: nothing is blurred, and the mean does not change.
 
 use super::pixels::RenderRequest;
 use crate::camera::{Camera, CameraRay, FilmPlace};
@@ -15,13 +15,14 @@ use crate::scene::Scene;
 use crate::transport::emission_along;
 use glam::{Vec2, Vec3};
 
-/// Rays beside that of a camera sample: the square of this number.
+/// The number of extra rays per camera sample is the square of this number.
 const SIDE: u32 = 4;
 
-/// Lamps that are seen wider than the tangent of this half angle are left to the camera samples: but for their edges, all agree.
+/// Largest tangent of the half angle under which an emitter gets extra rays. Larger emitters are left to the camera samples, which agree
+/// everywhere but at the edges.
 const WIDEST: f32 = 0.3;
 
-/// A disc on the picture that a lamp lies within, pixels.
+/// A disc on the picture that contains an emitter, in pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LampDisc {
     center: Vec2,
@@ -29,13 +30,13 @@ pub(super) struct LampDisc {
 }
 
 impl LampDisc {
-    /// Whether samples of the pixel with this centre may see the lamp.
+    /// Whether samples of the pixel with this centre may see the emitter.
     pub(super) fn is_near(&self, pixel: Vec2) -> bool {
         self.center.distance_squared(pixel) <= self.radius * self.radius
     }
 }
 
-/// The lamps in a picture.
+/// The emitters in a picture.
 #[derive(Clone, Debug, Default)]
 pub(super) struct VisibleEmitters {
     lamps: Vec<LampDisc>,
@@ -43,7 +44,7 @@ pub(super) struct VisibleEmitters {
 }
 
 impl VisibleEmitters {
-    /// What `camera`, in `medium`, sees.
+    /// The emitters that `camera`, inside `medium`, may see.
     pub(super) fn new(scene: &Scene, camera: &Camera, medium: MediumStack, request: &RenderRequest) -> Self {
         let size = Vec2::new(request.width as f32, request.height as f32);
         let margin = request.filter.radius() * std::f32::consts::SQRT_2 + 0.5;
@@ -57,7 +58,7 @@ impl VisibleEmitters {
         Self { lamps: lamps.collect(), medium }
     }
 
-    /// Those that pixels of a rectangle may see.
+    /// The emitters that pixels of a rectangle may see.
     pub(super) fn near(&self, rect: PixelRect) -> Vec<LampDisc> {
         let (low, high) =
             (Vec2::new(rect.x0 as f32, rect.y0 as f32), Vec2::new(rect.x1 as f32, rect.y1 as f32));
@@ -65,7 +66,8 @@ impl VisibleEmitters {
         self.lamps.iter().copied().filter(|lamp| distance(lamp) <= lamp.radius).collect()
     }
 
-    /// Emission of a camera sample at `place` with this `weight`, `found` by its own ray, as the mean with more.
+    /// Refined emission of a camera sample at `place` with filter weight `weight`: the mean of `found`, the emission along its own ray,
+    /// and of the extra rays.
     pub(super) fn refined(
         &self,
         scene: &Scene,
@@ -86,8 +88,8 @@ impl VisibleEmitters {
     }
 }
 
-/// Direction from the eye to the middle of a lamp, and the tangent of the half angle of the cone that holds it, from wherever on the
-/// lens.
+/// Direction from the eye to the centre of an emitter, and the tangent of the half angle of a cone that contains it as seen from any point
+/// of the lens.
 fn seen_from(camera: &Camera, light: &Light) -> Option<(Vec3, f32)> {
     let blur = |inverse_distance: f32| {
         camera.lens().map_or(0.0, |lens| (lens.radius as f32) * (inverse_distance + 1.0 / lens.focus as f32))

@@ -1,4 +1,4 @@
-//! What a user should know of a finished picture.
+//! Warnings about a finished picture.
 
 use super::maps::{contradiction, is_worth_a_warning};
 use super::stats::Statistics;
@@ -6,7 +6,7 @@ use crate::image_io::take_tile_failures;
 use crate::media::MOST_MEDIA;
 use crate::scene::{IntegratorKind, MapKind, Scene};
 
-/// Adds what the counts tell.
+/// Adds the warnings that follow from the counters and the scene.
 pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
     let counters = &statistics.counters;
     let mut warnings = Vec::new();

@@ -1,3 +1,5 @@
+//! Piecewise-constant distributions over tables of weights.
+
 use glam::Vec2;
 
 /// A piecewise-constant distribution over the indices of a table of non-negative weights.
@@ -20,7 +22,7 @@ impl Distribution1D {
             if !(weight >= 0.0 && weight.is_finite()) {
                 return None;
             }
-            // Not `weight > 0.0`: one that rounding loses has no interval of its own.
+            // Not `weight > 0.0`: a weight that is lost in rounding has no interval of its own.
             if total + weight > total {
                 last_positive = cumulative.len();
             }
@@ -41,11 +43,11 @@ impl Distribution1D {
         *self.cumulative.last().unwrap_or(&0.0)
     }
 
-    /// An index with probability proportional to its weight, for `u` in `[0, 1)`; its probability; and what is
-    /// left of `u`, again uniform in `[0, 1)`. Never returns an index of zero weight.
+    /// Samples an index with probability proportional to its weight, for `u` in `[0, 1)`. Returns the index, its probability, and the
+    /// remainder of `u`, which is again uniform in `[0, 1)`. It never returns an index of zero weight.
     ///
-    /// `u` takes the digits of an `f64`: the 24 of an `f32` never reach most of a million entries, and leave no digits
-    /// for the rest. [`super::refined`] makes such a number.
+    /// `u` is an `f64`: the 24 digits of an `f32` do not resolve a million entries, and leave no digits for the remainder.
+    /// [`super::refined`] provides such a number.
     #[inline]
     pub fn sample(&self, u: f64) -> (usize, f32, f32) {
         let target = u * self.total();
@@ -66,9 +68,9 @@ impl Distribution1D {
 /// A piecewise-constant distribution over the unit square, on cells of equal size.
 #[derive(Clone, Debug)]
 pub struct Distribution2D {
-    /// Over columns.
+    /// Distribution over columns.
     marginal: Distribution1D,
-    /// By column, over rows; `None` for columns without weight.
+    /// Distributions over rows, by column; `None` for columns without weight.
     conditional: Vec<Option<Distribution1D>>,
 }
 
@@ -87,8 +89,8 @@ impl Distribution2D {
         self.marginal.total()
     }
 
-    /// A cell (column and row) with probability proportional to its weight; its probability; and what is left of `u`,
-    /// again uniform over the unit square. Keeps the stratification of `u` in both coordinates.
+    /// Samples a cell with probability proportional to its weight. Returns its column and row, its probability, and the remainder of `u`,
+    /// which is again uniform over the unit square. The stratification of `u` in both coordinates is kept.
     #[inline]
     pub fn sample(&self, u: Vec2) -> ((usize, usize), f32, Vec2) {
         let (column, p, x) = self.marginal.sample(f64::from(u.x));
@@ -97,7 +99,7 @@ impl Distribution2D {
                 let (row, q, y) = rows.sample(f64::from(u.y));
                 ((column, row), p * q, Vec2::new(x, y))
             }
-            // Never: a column without weight is not chosen.
+            // Unreachable: a column without weight is never sampled.
             None => ((column, 0), 0.0, Vec2::new(x, u.y)),
         }
     }
@@ -125,9 +127,8 @@ mod tests {
         assert_eq!(distribution.sample(0.0).0, 1);
     }
 
-    /// Indices of a million equal weights are drawn alike, the last ones too, and what is left of the number is uniform
-    /// within each. With 24 binary digits each index would have 16 or 17 numbers: 6 % too few or too many, and a rest of 16
-    /// values.
+    /// Indices of a million weights are sampled with their probability, the last ones too, and the remainder is uniform. With 24 binary
+    /// digits each index would have 16 or 17 numbers: 6 % too few or too many, and a remainder of 16 values.
     #[test]
     fn a_million_entries_have_their_probability() {
         use crate::sampling::{Rng, Stream, refined};
@@ -142,7 +143,7 @@ mod tests {
             counts[index] += 1;
             rests[(rest * 256.0) as usize] += 1;
         }
-        // Expected 2, 4 and 6 a piece. Poisson: the statistic has variance 2 + 1 / expected per entry.
+        // The expected counts are 2, 4 and 6. They are Poisson-distributed: the statistic has variance 2 + 1 / expected per entry.
         let expected = |i: usize| n as f64 * (1.0 + (i % 3) as f64) / distribution.total();
         let chi_square = |counts: &[u32], expected: &dyn Fn(usize) -> f64| -> f64 {
             counts.iter().enumerate().map(|(i, &c)| (f64::from(c) - expected(i)).powi(2) / expected(i)).sum()

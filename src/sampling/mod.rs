@@ -1,7 +1,7 @@
-//! Random and quasi-random numbers, and the warps that turn them into directions and points.
+//! Random and quasi-random numbers, and the warps that map them to directions and points.
 //!
-//! A number is a function of (seed, stream, index, dimension) and of nothing else: no state is shared between
-//! photons or pixels, so threads cannot change a picture.
+//! A number is a function of (seed, stream, index, dimension) only. Photons and pixels share no state, so the number of threads does not
+//! change a picture.
 
 mod distribution;
 mod rng;
@@ -18,5 +18,5 @@ pub use samples::{SampleStream, Splits, refined};
 pub use sobol::{SOBOL_DIMENSIONS, Sobol, SobolSet};
 pub use sphere_density::{Corners, SphereDensity, direction_to_square, square_to_direction};
 
-/// Largest `f32` below one: what a uniform variate is clamped to.
+/// Largest `f32` below one: uniform variates are clamped to it.
 pub const ONE_MINUS_EPSILON: f32 = 1.0 - f32::EPSILON / 2.0;

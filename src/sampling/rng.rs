@@ -1,6 +1,8 @@
+//! Counter-based random numbers.
+
 use glam::Vec2;
 
-/// What random numbers are for. Streams with different purposes are independent for one seed.
+/// Purpose of random numbers. Different streams of one seed are independent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u64)]
 pub enum Stream {
@@ -10,23 +12,23 @@ pub enum Stream {
     GlobalPhotons = 2,
     /// Photons of the caustic map.
     CausticPhotons = 3,
-    /// The short passes that estimate how many photons to emit.
+    /// Short passes that estimate the number of photons to emit.
     Prepass = 4,
-    /// Everything a test or a measurement draws.
+    /// Random numbers of tests and measurements.
     Measure = 5,
     /// Hemispheres of the irradiance cache.
     IrradianceCache = 16,
-    /// Rays that place direct and shadow photons.
+    /// Rays that store direct and shadow photons.
     ShadowPhotons = 17,
-    /// Paths that tell how much each light contributes.
+    /// Paths that estimate the contribution of each light.
     LightImportance = 18,
-    /// More rays of the camera where it sees lamps.
+    /// Extra camera rays where the camera sees emitters.
     VisibleEmitters = 19,
-    /// Where lamps in glass and mirrors are looked for.
+    /// The search for images of emitters in glass and mirrors (glints).
     GlintSearch = 20,
-    /// Further camera samples where such lamps are.
+    /// Extra camera samples at glints.
     Glints = 21,
-    /// Shadow rays from points where irradiance is precomputed.
+    /// Shadow rays from points with precomputed irradiance.
     DirectAtPoints = 22,
     /// Collisions in media along a ray.
     Media = 23,
@@ -51,14 +53,14 @@ pub struct Rng {
 }
 
 impl Rng {
-    /// The sequence of `index` in `stream` under `seed`, from dimension 0.
+    /// The sequence `index` of `stream` for `seed`, from dimension 0.
     #[inline]
     pub fn new(seed: u64, stream: Stream, index: u64) -> Self {
         let key = mix(mix(mix(seed.wrapping_add(GOLDEN)) ^ stream as u64).wrapping_add(index));
         Self { key, dimension: 0 }
     }
 
-    /// An independent sequence that this one's next dimension selects.
+    /// An independent sequence, selected by the next dimension of this one.
     pub fn split(&mut self) -> Self {
         Self { key: mix(self.next_u64() ^ GOLDEN), dimension: 0 }
     }
@@ -82,7 +84,7 @@ impl Rng {
         (self.next_u64() >> 11) as f64 * (1.0 / 9_007_199_254_740_992.0)
     }
 
-    /// Two uniform variates out of one hash.
+    /// Two uniform variates from one hash.
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
         let bits = self.next_u64();
@@ -131,7 +133,7 @@ mod tests {
         assert_ne!(draw(1, Stream::Camera, 2), draw(2, Stream::Camera, 2));
         assert_ne!(draw(1, Stream::Camera, 2), draw(1, Stream::Prepass, 2));
         assert_ne!(draw(1, Stream::Camera, 2), draw(1, Stream::Camera, 3));
-        // Past 2^32 nothing wraps.
+        // Indices do not wrap at 2^32.
         assert_ne!(draw(1, Stream::Camera, 2), draw(1, Stream::Camera, 2 + (1 << 32)));
     }
 }

@@ -1,10 +1,12 @@
+//! Random numbers of one camera sample.
+
 use super::{Sobol, Stream, rng::mix};
 use glam::Vec2;
 
-/// The numbers of one camera sample: point `index` of the pixel's sequence, dimension after dimension.
+/// The random numbers of one camera sample: point `index` of the pixel's sequence, dimension by dimension.
 ///
-/// Each call takes the next set of dimensions. Where one hit needs many numbers (gather rays, shadow rays) a
-/// [`Splits`] gives it consecutive points of one set, so that all rays of the pixel together are stratified.
+/// Each call takes the next set of dimensions. Where one hit needs many numbers (gather rays, shadow rays), a [`Splits`] provides
+/// consecutive points of one set, so that all rays of the pixel together are stratified.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleStream {
     sequence: Sobol,
@@ -13,7 +15,7 @@ pub struct SampleStream {
 }
 
 impl SampleStream {
-    /// Sample `index` of `pixel` under `seed`.
+    /// Sample `index` of `pixel` for `seed`.
     pub fn new(seed: u64, pixel: u64, index: u32) -> Self {
         let key = mix(mix(seed ^ mix(Stream::Camera as u64)).wrapping_add(pixel));
         Self { sequence: Sobol::new(key), index, set: 0 }
@@ -33,7 +35,7 @@ impl SampleStream {
         self.sequence.sample_2d(self.set, self.index)
     }
 
-    /// `count` points at once; every camera sample of the pixel must ask for the same count here, or points repeat.
+    /// `count` points at once. Every camera sample of the pixel must use the same count for this set, or points repeat.
     #[inline]
     pub fn splits(&mut self, count: u32) -> Splits {
         self.set += 1;
@@ -63,8 +65,8 @@ impl Splits {
     }
 }
 
-/// The first coordinate of a point, a multiple of 2^-24, with as many digits more that a hash of both coordinates gives:
-/// uniform over the multiples of 2^-48 where the points are over theirs. For a choice out of many things.
+/// The first coordinate of a point, a multiple of 2^-24, extended by 24 binary digits from a hash of both coordinates. The result is
+/// uniform over the multiples of 2^-48 where the coordinates are uniform over theirs. It serves for a choice among many entries.
 #[inline]
 pub fn refined(u: Vec2) -> f64 {
     const STEP: f64 = 1.0 / 16_777_216.0;

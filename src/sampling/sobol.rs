@@ -1,7 +1,9 @@
+//! Owen-scrambled Sobol' sequences.
+
 use super::rng::mix;
 use glam::Vec2;
 
-/// Dimensions of one Sobol' point; further ones are padded with independently shuffled points.
+/// Dimensions of one Sobol' point. Further dimensions come from independently shuffled points (padding).
 pub const SOBOL_DIMENSIONS: usize = 4;
 
 /// Primitive polynomials and initial direction numbers of Joe & Kuo ("Constructing Sobol sequences with better
@@ -40,8 +42,8 @@ const fn direction_numbers() -> [[u32; 32]; SOBOL_DIMENSIONS] {
     all
 }
 
-/// XOR of the direction numbers for each value of each byte of an index: a coordinate in four look-ups. Bits reversed,
-/// as the scramble wants them.
+/// XOR of the direction numbers for each value of each byte of an index, so that a coordinate takes four lookups. Bits are reversed, as
+/// the scramble requires.
 const fn byte_tables() -> [[[u32; 256]; 4]; SOBOL_DIMENSIONS] {
     let directions = direction_numbers();
     let mut tables = [[[0u32; 256]; 4]; SOBOL_DIMENSIONS];
@@ -51,7 +53,7 @@ const fn byte_tables() -> [[[u32; 256]; 4]; SOBOL_DIMENSIONS] {
         while byte < 4 {
             let mut value = 1;
             while value < 256usize {
-                // The value without its lowest bit, and that bit's direction.
+                // XOR of the entry for the value without its lowest bit, and that bit's direction number.
                 let bit = value.trailing_zeros() as usize;
                 let rest = tables[dimension][byte][value & (value - 1)];
                 tables[dimension][byte][value] = rest ^ directions[dimension][byte * 8 + bit].reverse_bits();
@@ -140,7 +142,7 @@ impl Sobol {
         self.set(set).sample_1d(index)
     }
 
-    /// The set with this number, for callers that take many points of one.
+    /// The set with this number, for callers that take many points of one set.
     #[inline]
     pub fn set(&self, number: u32) -> SobolSet {
         let seeds = mix(self.seed ^ mix(u64::from(number).wrapping_add(0x51_7cc1_b727_220a)));
@@ -155,7 +157,7 @@ fn scrambled(index: u32, dimension: usize, seeds: u64) -> f32 {
     (x >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// The coordinate of point `index` in one dimension, as 32 bits behind the point, in reverse order.
+/// The coordinate of point `index` in one dimension: the 32 bits after the binary point, in reverse order.
 #[inline]
 fn reversed_sobol(index: u32, dimension: usize) -> u32 {
     if dimension == 0 {

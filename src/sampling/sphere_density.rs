@@ -1,9 +1,11 @@
+//! Tabulated densities over the sphere of directions, in longitude and latitude.
+
 use super::{Distribution2D, ONE_MINUS_EPSILON};
 use glam::{Vec2, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Longitude and latitude of a table over all directions, as pictures of surroundings have them: `u` in `[0, 1)` to the
-/// right, one half of it where the direction is -z; `v` in `[0, 1]` down from +y.
+/// Longitude and latitude of a direction, in the layout of environment pictures: `u` in `[0, 1)` increases to the right and is one half
+/// at -z; `v` in `[0, 1]` increases downwards from +y.
 pub fn direction_to_square(direction: Vec3) -> Vec2 {
     let d = direction.as_dvec3();
     let u = 0.5 + d.x.atan2(-d.z) / TAU;
@@ -11,25 +13,25 @@ pub fn direction_to_square(direction: Vec3) -> Vec2 {
     Vec2::new((u as f32).clamp(0.0, ONE_MINUS_EPSILON), v as f32)
 }
 
-/// The unit direction of a point of such a table, and the sine of its angle to +y.
+/// The unit direction of a point of this square, and the sine of its angle to +y.
 pub fn square_to_direction(u: f64, v: f64) -> (Vec3, f64) {
     let (sin, cos) = (PI * v).sin_cos();
     let (s, c) = (TAU * (u - 0.5)).sin_cos();
     (Vec3::new((sin * s) as f32, cos as f32, (-sin * c) as f32), sin)
 }
 
-/// The four values around a point between the centres of a table's cells, and how far the point is between them.
-/// Columns go around; beyond the first and the last row their values go on.
+/// The four values around a point between the centres of a table's cells, and the position of the point between them. Columns wrap
+/// around; beyond the first and the last row the values are constant.
 #[derive(Clone, Copy, Debug)]
 pub struct Corners {
     /// Index of the upper left, upper right, lower left and lower right value.
     pub indices: [usize; 4],
-    /// Share of the right ones, and of the lower ones.
+    /// Interpolation weights of the right values and of the lower values.
     pub at: Vec2,
 }
 
 impl Corners {
-    /// Around a point of the unit square in a table of `width` by `height` values, row after row.
+    /// The corners around a point of the unit square, in a table of `width` by `height` values, row by row.
     #[inline]
     pub fn of(u: Vec2, width: usize, height: usize) -> Self {
         let x = u.x * width as f32 - 0.5;
@@ -57,23 +59,23 @@ impl Corners {
     }
 }
 
-/// A density over all directions that is, on the square of longitude and latitude, the bilinear interpolation of a table:
-/// positive wherever a function interpolated from values at the same places is, and drawn from exactly.
+/// A density over all directions that is the bilinear interpolation of a table on the square of longitude and latitude. It is positive
+/// wherever a function interpolated from the same table positions is, and it is sampled exactly.
 #[derive(Clone, Debug)]
 pub struct SphereDensity {
     width: usize,
     height: usize,
-    /// At the centres of cells, row after row from the top: the value times the sine of the angle to +y.
+    /// Weights at the centres of cells, row by row from the top: the value times the sine of the angle to +y.
     weights: Vec<f32>,
-    /// Over the cells between centres. The first and the last of the `height + 1` rows are half as high.
+    /// Distribution over the cells between centres. The first and the last of the `height + 1` rows have half the height.
     cells: Distribution2D,
-    /// Of the unit square over the integral of the weights.
+    /// Area of the unit square over the integral of the weights.
     scale: f64,
 }
 
 impl SphereDensity {
-    /// In proportion to `values`, which are not negative, row after row of `width`, times the sine of the angle to +y.
-    /// `None` where the table is empty, or no value is positive, or one is not finite.
+    /// A density proportional to the non-negative `values`, row by row of `width`. The sine of the angle to +y enters the weights. Returns
+    /// `None` where the table is empty, where no value is positive, or where a value is not finite.
     pub fn new(width: usize, values: impl IntoIterator<Item = f32>) -> Option<Self> {
         let mut weights: Vec<f32> = values.into_iter().collect();
         if width == 0 || weights.is_empty() || !weights.len().is_multiple_of(width) {
@@ -101,7 +103,7 @@ impl SphereDensity {
         scale.is_finite().then_some(Self { width, height, weights, cells, scale })
     }
 
-    /// A direction and its density per solid angle; `None` for the few numbers that lead to a pole.
+    /// Samples a direction and its density per solid angle; `None` for the few numbers that map to a pole.
     pub fn sample(&self, u: Vec2) -> Option<(Vec3, f32)> {
         let ((row, column), _, rest) = self.cells.sample(u);
         let (above, below) = (row.saturating_sub(1), row.min(self.height - 1));
@@ -113,7 +115,7 @@ impl SphereDensity {
         let (left, right) = (a + (c - a) * y, b + (d - b) * y);
         let x = sample_linear(rest.y, left, right);
         let weight = left + (right - left) * x;
-        // Rows of cells begin at the pole, then at the centres of the table's rows.
+        // The first row of cells starts at the pole, the others at the centres of the table's rows.
         let (start, size) = match row {
             0 => (0.0, 0.5),
             _ if row == self.height => (row as f64 - 0.5, 0.5),
@@ -141,14 +143,14 @@ impl SphereDensity {
     }
 }
 
-/// A number in `[0, 1)` with a density that goes linearly from `a` to `b`, which are not negative and not both zero.
+/// Samples a number in `[0, 1)` with a density linear from `a` to `b`, which are non-negative and not both zero.
 #[inline]
 fn sample_linear(u: f32, a: f32, b: f32) -> f32 {
     let (a, b) = (f64::from(a), f64::from(b));
     let u = f64::from(u);
     let root = (a * a + u * (b * b - a * a)).max(0.0).sqrt();
     let x = u * (a + b) / (a + root);
-    // Zero over zero for `u` and `a` of zero.
+    // The quotient is zero over zero where `u` and `a` are zero; `max` turns NaN into zero.
     (x.max(0.0) as f32).min(ONE_MINUS_EPSILON)
 }
 
@@ -159,7 +161,7 @@ mod tests {
 
     fn table() -> (usize, Vec<f32>) {
         let mut values = vec![0.1; 16 * 8];
-        // A strong small source, black places, and something at a pole.
+        // A strong small source, black cells, and a positive value at a pole.
         values[3 * 16 + 15] = 40.0;
         values[4 * 16 + 5] = 0.0;
         values[4 * 16 + 6] = 0.0;
@@ -186,8 +188,8 @@ mod tests {
         assert!(direction_to_square(Vec3::new(-1e-9, 0.0, 1.0)).x < 1e-6);
     }
 
-    /// Directions fall into bins as often as the density says (chi-square, three standard deviations), what is drawn has the
-    /// density that is evaluated, and that integrates to one.
+    /// Directions fall into bins as often as the density predicts (chi-square test), the density of a sample equals the evaluated density,
+    /// and the density integrates to one.
     #[test]
     fn samples_follow_the_density() {
         let (width, values) = table();
@@ -199,7 +201,7 @@ mod tests {
             let (x, y) = ((u.x * BINS.0 as f32) as usize, (u.y * BINS.1 as f32) as usize);
             y.min(BINS.1 - 1) * BINS.0 + x.min(BINS.0 - 1)
         };
-        // Expected by the mean density over a fine grid in each bin.
+        // Expected shares from the mean density over a fine grid in each bin.
         let mut expected = vec![0.0; BINS.0 * BINS.1];
         const FINE: usize = 24;
         for y in 0..BINS.1 * FINE {
@@ -240,7 +242,7 @@ mod tests {
         assert!((statistic - freedom).abs() < 4.0 * (2.0 * freedom).sqrt(), "{statistic} of {freedom}");
     }
 
-    /// Every direction in which a function interpolated from the table is positive can be drawn.
+    /// Every direction in which a function interpolated from the table is positive can be sampled.
     #[test]
     fn positive_where_the_function_is() {
         let (width, values) = table();

@@ -1,9 +1,9 @@
-//! Maps of the unit square to points and directions, with their densities.
+//! Maps from the unit square to points and directions, with their densities.
 
 use glam::{Vec2, Vec3};
 use std::f32::consts::{FRAC_1_PI, FRAC_PI_4, TAU};
 
-/// The unit disc, area-preserving and of low distortion (Shirley & Chiu, "A Low Distortion Map Between Disk and
+/// Maps the square to the unit disc, area-preserving and with low distortion (Shirley & Chiu, "A Low Distortion Map Between Disk and
 /// Square", 1997). Density `1 / pi` per area.
 #[inline]
 pub fn square_to_disc(u: Vec2) -> Vec2 {
@@ -14,7 +14,7 @@ pub fn square_to_disc(u: Vec2) -> Vec2 {
     let (r, (sin, cos)) = if p.x.abs() > p.y.abs() {
         (p.x, sin_cos_eighth(p.y / p.x))
     } else {
-        // The angle to the y axis instead of that to the x axis.
+        // Here the angle is taken from the y axis instead of the x axis.
         let (cos, sin) = sin_cos_eighth(p.x / p.y);
         (p.y, (sin, cos))
     };
@@ -38,12 +38,12 @@ pub fn disc_to_square(d: Vec2) -> Vec2 {
     (0.5 * p + 0.5).clamp(Vec2::ZERO, Vec2::ONE)
 }
 
-/// No two points of the square are farther apart on the unit disc, after [`square_to_disc`], than their distance times
-/// this: the Jacobian is `2 [[1, 0], [-phi, pi/4]]` with `|phi| <= pi/4`, and its Frobenius norm no larger.
+/// Lipschitz constant of [`square_to_disc`]: two points are at most this factor farther apart on the disc than on the square. The Jacobian
+/// is `2 [[1, 0], [-phi, pi/4]]` with `|phi| <= pi/4`, and its Frobenius norm is no larger than this constant.
 pub const DISC_STRETCH: f64 = 2.99;
 
-/// Sine and cosine of `pi/4 x` for `x` in `[-1, 1]`, by their Taylor polynomials: within 3e-8, the same bits on every
-/// machine, and several times cheaper than the general functions.
+/// Sine and cosine of `pi/4 x` for `x` in `[-1, 1]`, by their Taylor polynomials. They are accurate to 3e-8, have the same bits on every
+/// machine, and are several times faster than the general functions.
 #[inline]
 fn sin_cos_eighth(x: f32) -> (f32, f32) {
     let phi = FRAC_PI_4 * x;
@@ -54,17 +54,17 @@ fn sin_cos_eighth(x: f32) -> (f32, f32) {
     (sin, cos)
 }
 
-/// Sine and cosine of `2 pi x` for `x` in `[0, 1]`, as [`sin_cos_eighth`].
+/// Sine and cosine of `2 pi x` for `x` in `[0, 1]`, with the accuracy of [`sin_cos_eighth`].
 #[inline]
 fn sin_cos_turns(x: f32) -> (f32, f32) {
-    // The nearest of the four axes, and the angle from there.
+    // The nearest of the four axes, and the angle from it.
     let quarter = (4.0 * x + 0.5) as i32;
     let (sin, cos) = sin_cos_eighth(2.0 * (4.0 * x - quarter as f32));
     let (sin, cos) = if quarter & 1 == 0 { (sin, cos) } else { (cos, -sin) };
     if quarter & 2 == 0 { (sin, cos) } else { (-sin, -cos) }
 }
 
-/// The hemisphere around +z with density `cos(theta) / pi` per solid angle (Malley's method).
+/// Maps the square to the hemisphere around +z with density `cos(theta) / pi` per solid angle (Malley's method).
 #[inline]
 pub fn square_to_cosine_hemisphere(u: Vec2) -> Vec3 {
     let d = square_to_disc(u);
@@ -76,14 +76,14 @@ pub fn cosine_hemisphere_pdf(cos_theta: f32) -> f32 {
     cos_theta.max(0.0) * FRAC_1_PI
 }
 
-/// The sphere with density `1 / (4 pi)` per solid angle.
+/// Maps the square to the sphere with density `1 / (4 pi)` per solid angle.
 pub fn square_to_sphere(u: Vec2) -> Vec3 {
     square_to_cone(u, 2.0)
 }
 
-/// The cone around +z of all directions with `1 - cos(theta) <= one_minus_cos`, with density
-/// [`cone_pdf`] per solid angle. `one_minus_cos` is taken instead of the cosine because a far light's cone of
-/// 1e-5 rad has a cosine that `f32` cannot tell from one.
+/// Maps the square to the cone around +z of all directions with `1 - cos(theta) <= one_minus_cos`, with density [`cone_pdf`] per solid
+/// angle. The parameter is `one_minus_cos` instead of the cosine because the cosine of a distant light's cone of 1e-5 rad rounds to one
+/// in `f32`.
 pub fn square_to_cone(u: Vec2, one_minus_cos: f32) -> Vec3 {
     let drop = u.x * one_minus_cos;
     let sin = (drop * (2.0 - drop)).max(0.0).sqrt();
@@ -96,8 +96,8 @@ pub fn cone_pdf(one_minus_cos: f32) -> f32 {
     1.0 / (TAU * one_minus_cos)
 }
 
-/// `1 - cos` of the half angle under which a sphere of `radius` is seen from `distance`, for
-/// `distance > radius`, without the cancellation of the direct formula.
+/// `1 - cos` of the half angle of a sphere of `radius` as seen from `distance`, for `distance > radius`, without the cancellation of the
+/// direct formula.
 pub fn sphere_one_minus_cos(radius: f32, distance: f32) -> f32 {
     let sin_squared = (radius / distance).powi(2).min(1.0);
     sin_squared / (1.0 + (1.0 - sin_squared).sqrt())

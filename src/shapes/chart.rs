@@ -1,11 +1,11 @@
-//! Coordinates on surfaces, for maps over them.
+//! Charts: area-preserving coordinates on surfaces, for illumination maps.
 
 use super::{ShapeError, finite, positive_radius, tangents};
 use crate::math::unit_f64;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
-/// Coordinates in `[0, 1]^2` on a surface, so that equal areas there are equal areas of the surface.
+/// Coordinates in `[0, 1]^2` on a surface. Equal areas in the square are equal areas on the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Chart {
     /// A parallelogram, along its edges.
@@ -16,7 +16,7 @@ pub enum Chart {
         duals: [DVec3; 2],
         /// Lengths of the edges.
         lengths: DVec2,
-        /// Unit normal, along the first edge times the second.
+        /// Unit normal along the cross product of the first edge with the second.
         normal: DVec3,
         /// Area.
         area: f64,
@@ -32,7 +32,7 @@ pub enum Chart {
     Cylinder {
         /// Centre of the lower end.
         base: DVec3,
-        /// Unit axis, and two across it.
+        /// Unit vectors: the axis, and two perpendicular to it.
         frame: [DVec3; 3],
         /// Length.
         height: f64,
@@ -43,7 +43,7 @@ pub enum Chart {
     Disc {
         /// Centre.
         center: DVec3,
-        /// Unit normal, and two across it.
+        /// Unit vectors: the normal, and two perpendicular to it.
         frame: [DVec3; 3],
         /// Radius.
         radius: f64,
@@ -51,23 +51,23 @@ pub enum Chart {
 }
 
 impl Chart {
-    /// Of the parallelogram with these edges.
+    /// The chart of the parallelogram with these edges.
     pub fn parallelogram(corner: DVec3, edge_u: DVec3, edge_v: DVec3) -> Result<Self, ShapeError> {
         let cross = finite(finite(edge_u)?.cross(finite(edge_v)?))?;
         let normal = unit_f64(cross).ok_or(ShapeError::NoArea)?;
         let area = cross.length();
-        // In the plane, at a right angle to the other edge.
+        // Each dual lies in the plane and is perpendicular to the other edge.
         let duals = [edge_v.cross(normal) / area, normal.cross(edge_u) / area];
         let lengths = DVec2::new(edge_u.length(), edge_v.length());
         Ok(Self::Parallelogram { corner: finite(corner)?, duals, lengths, normal, area })
     }
 
-    /// Of a sphere.
+    /// The chart of a sphere.
     pub fn sphere(center: DVec3, radius: f64) -> Result<Self, ShapeError> {
         Ok(Self::Sphere { center: finite(center)?, radius: positive_radius(radius)? })
     }
 
-    /// Of the side of a cylinder.
+    /// The chart of the side of a cylinder.
     pub fn cylinder(base: DVec3, top: DVec3, radius: f64) -> Result<Self, ShapeError> {
         let axis = unit_f64(finite(top)? - finite(base)?).ok_or(ShapeError::NoArea)?;
         let (x, y) = tangents(axis);
@@ -75,14 +75,14 @@ impl Chart {
         Ok(Self::Cylinder { base, frame: [axis, x, y], height, radius: positive_radius(radius)? })
     }
 
-    /// Of a disc.
+    /// The chart of a disc.
     pub fn disc(center: DVec3, normal: DVec3, radius: f64) -> Result<Self, ShapeError> {
         let normal = unit_f64(finite(normal)?).ok_or(ShapeError::NoArea)?;
         let (x, y) = tangents(normal);
         Ok(Self::Disc { center: finite(center)?, frame: [normal, x, y], radius: positive_radius(radius)? })
     }
 
-    /// Coordinates of the place of the surface nearest to `p`, about.
+    /// Approximate coordinates of the surface point nearest to `p`.
     pub fn locate(&self, p: DVec3) -> DVec2 {
         let place = match self {
             Self::Parallelogram { corner, duals, .. } => {
@@ -114,7 +114,7 @@ impl Chart {
         }
     }
 
-    /// Lengths along both coordinates, where these are longest.
+    /// Largest lengths along both coordinates.
     pub fn lengths(&self) -> DVec2 {
         match self {
             Self::Parallelogram { lengths, .. } => *lengths,
@@ -124,12 +124,12 @@ impl Chart {
         }
     }
 
-    /// Whether the first coordinate goes round.
+    /// Whether the first coordinate wraps around.
     pub fn goes_round(&self) -> bool {
         matches!(self, Self::Sphere { .. } | Self::Cylinder { .. })
     }
 
-    /// Unit normal at the place of the surface near `p`: outward, or by the edges.
+    /// Unit normal at the surface point near `p`: outward, or by the orientation of the edges.
     pub fn normal(&self, p: DVec3) -> DVec3 {
         match self {
             Self::Parallelogram { normal, .. } => *normal,
@@ -142,7 +142,7 @@ impl Chart {
         }
     }
 
-    /// How far `p` is from the surface, about: tells faces of a body apart.
+    /// Approximate distance of `p` from the surface, which distinguishes the faces of a body.
     pub fn distance(&self, p: DVec3) -> f64 {
         match self {
             Self::Parallelogram { corner, normal, .. } => normal.dot(p - corner).abs(),
@@ -162,7 +162,7 @@ fn turn(x: f64, y: f64) -> f64 {
     if azimuth < 0.0 { azimuth + 1.0 } else { azimuth }
 }
 
-/// From the unit disc to `[-1, 1]^2`: rings to the outlines of squares.
+/// Maps the unit disc to `[-1, 1]^2`; circles become outlines of squares.
 fn square_of_disc(p: DVec2) -> DVec2 {
     let radius = p.length();
     if radius == 0.0 {

@@ -1,3 +1,5 @@
+//! Constructive solid geometry.
+
 use super::roots::accept;
 use super::solid::{MOST_CROSSINGS, Solid};
 use super::{Chart, ShapeError, nearest_by_refining};
@@ -6,23 +8,21 @@ use crate::math::{Bounds3, Ray};
 use arrayvec::ArrayVec;
 use glam::{DAffine3, DVec3};
 
-/// Constructive solid geometry: bodies joined, intersected and cut out of each other. Any number of operations over up to
-/// [`Csg::MOST_SOLIDS`] bodies; a single body is one too.
+/// Constructive solid geometry: unions, intersections and differences of up to [`Csg::MOST_SOLIDS`] bodies. A single body is valid too.
 ///
-/// All crossings of a ray with all bodies are sorted, and the surface is where the answer of the operations changes.
-/// Normals point out of the whole, so those of a body that is cut out are turned. Each body is a part of the object and
-/// may have a material of its own.
+/// All crossings of a ray with all bodies are sorted; the surface is where the result of the operations changes. Normals point out of the
+/// whole object, so normals of a subtracted body are flipped. Each body is a part of the object and may have its own material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Csg {
     solids: Vec<Solid>,
-    /// Around each: centre and squared radius.
+    /// Bounding sphere of each body: centre and squared radius.
     around: Vec<(DVec3, f64)>,
-    /// In postfix order.
+    /// The operations in postfix order.
     program: Vec<Step>,
     bounds: Bounds3,
 }
 
-/// How two bodies become one.
+/// Operation that combines two bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CsgOperation {
     /// Inside of either.
@@ -39,7 +39,7 @@ enum Step {
     Combine(CsgOperation),
 }
 
-/// Where a ray meets one body.
+/// Crossing of a ray with one body.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
     t: f64,
@@ -47,22 +47,22 @@ struct Crossing {
     face: u8,
 }
 
-/// Where a ray meets the surface of the whole.
+/// Crossing of a ray with the surface of the whole object.
 #[derive(Clone, Copy, Debug)]
 struct Boundary {
     crossing: Crossing,
-    /// The normal of the whole is the opposite of the body's.
+    /// Whether the normal of the whole object is opposite to that of the body.
     flip: bool,
 }
 
-/// Crossings with each body, in one array on the stack.
+/// Most crossings with all bodies, which fit into one array on the stack.
 const MOST: usize = Csg::MOST_SOLIDS * MOST_CROSSINGS;
 
 impl Csg {
     /// Most bodies of one object.
     pub const MOST_SOLIDS: usize = 64;
 
-    /// One body.
+    /// An object of one body.
     pub fn of(solid: Solid) -> Self {
         let bounds = solid.bounds();
         let (center, radius) = solid.around();
@@ -77,7 +77,7 @@ impl Csg {
     /// This object combined with another, whose parts are numbered after those of this one.
     ///
     /// # Errors
-    /// Where both together have more than [`Self::MOST_SOLIDS`] bodies.
+    /// If both together have more than [`Self::MOST_SOLIDS`] bodies.
     pub fn combined(mut self, operation: CsgOperation, other: &Self) -> Result<Self, ShapeError> {
         let count = self.solids.len();
         if count + other.solids.len() > Self::MOST_SOLIDS {
@@ -106,7 +106,7 @@ impl Csg {
         self.solids.len()
     }
 
-    /// The object under a transform, which must not flatten it.
+    /// The transformed object. The transform must be invertible.
     pub fn transformed(&self, transform: &DAffine3) -> Result<Self, ShapeError> {
         let mut whole: Vec<Self> = Vec::new();
         for step in &self.program {
@@ -124,7 +124,7 @@ impl Csg {
         whole.pop().ok_or(ShapeError::NoArea)
     }
 
-    /// Coordinates on the faces of a single box; `None` for other objects.
+    /// Charts of the faces of a single box; `None` for other objects.
     pub fn charts(&self) -> Option<Vec<Chart>> {
         match &*self.solids {
             [solid] => solid.charts(),
@@ -132,12 +132,12 @@ impl Csg {
         }
     }
 
-    /// A box around the whole; empty where an intersection is.
+    /// A bounding box of the whole object; empty where an intersection is empty.
     pub fn bounds(&self) -> Bounds3 {
         self.bounds
     }
 
-    /// A sphere around the whole.
+    /// A bounding sphere of the whole object.
     pub fn around(&self) -> (DVec3, f64) {
         let of_box = (self.bounds.center(), self.bounds.radius());
         match self.solids.as_slice() {
@@ -146,9 +146,9 @@ impl Csg {
         }
     }
 
-    /// Whether a point is inside, where bit `i` of `inside` says that of body `i`.
+    /// Whether a point is inside the object, where bit `i` of `inside` tells whether it is inside body `i`.
     fn is_inside(&self, inside: u64) -> bool {
-        // A stack of bits, the top one lowest.
+        // A stack of bits whose top is the lowest bit.
         let mut stack = 0u64;
         for step in &self.program {
             match *step {
@@ -181,7 +181,7 @@ impl Csg {
         all.min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(Crossing { t, solid: 0, face: 0 })
     }
 
-    /// The edge with any other face, whether or not the operations leave it.
+    /// The edge with the nearest other face, even where the operations remove that face.
     fn edge_near(&self, point: DVec3, at: &Crossing) -> Option<NearEdge> {
         let faces = self.solids.iter().enumerate().filter_map(|(index, solid)| {
             let own = (index == usize::from(at.solid)).then_some(at.face);
@@ -192,7 +192,7 @@ impl Csg {
         Some(NearEdge { distance, extent, other: (there, normal) })
     }
 
-    /// Calls `visit` for each boundary of the whole along the line, in order, until it returns false.
+    /// Calls `visit` for each boundary of the whole object along the line, in order, until it returns false.
     fn visit(&self, ray: &Ray, mut visit: impl FnMut(Boundary) -> bool) {
         if let [solid] = self.solids.as_slice() {
             for (t, face) in solid.crossings(ray) {
@@ -214,7 +214,7 @@ impl Csg {
             crossings.extend(found.into_iter().map(|(t, face)| Crossing { t, solid, face }));
         }
         crossings.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.solid.cmp(&b.solid)));
-        // Faces in one plane are crossed at once, whichever rounding puts first: a body without thickness is none.
+        // Coplanar faces are crossed at once, whichever rounding puts first, as a body without thickness does not count.
         let size = (self.bounds.center() - origin).length() + self.bounds.radius();
         let same = 8.0 * f64::EPSILON * size / squared.sqrt();
         let (mut inside, mut was_inside) = (0u64, false);
@@ -263,7 +263,7 @@ impl Procedural for Csg {
         let mut nearest = None;
         self.visit(ray, |boundary| {
             nearest = accept(boundary.crossing.t, ray.t_max);
-            // Go on past what lies behind the origin only.
+            // The search continues only past crossings behind the origin.
             boundary.crossing.t as f32 <= 0.0
         });
         nearest
@@ -285,7 +285,7 @@ impl Procedural for Csg {
             }
             true
         });
-        // A grazing hit that an instance's rounding has lost: the nearest face of any body.
+        // Rounding in an instance may lose a grazing hit: then the nearest face of any body is used.
         let Boundary { crossing, flip } =
             best.unwrap_or_else(|| Boundary { crossing: self.nearest_face(ray, f64::from(t)), flip: false });
         let mut point = self.solids[usize::from(crossing.solid)].refine(ray, crossing.t, crossing.face);

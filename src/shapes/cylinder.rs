@@ -1,3 +1,5 @@
+//! Open cylinders.
+
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
     AreaSample, Patch, ShapeError, SolidAngleSample, distances_2d, error_bound, finite, grown,
@@ -8,14 +10,14 @@ use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec2, DVec3, Vec2};
 use std::f64::consts::TAU;
 
-/// The side of a circular cylinder, open at both ends; normal outward. Surface parameters: `u` is the azimuth
+/// The side of a circular cylinder, open at both ends, with outward normals. Surface parameters: `u` is the azimuth
 /// over `2 pi`, `v` the height from the base over the whole height.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cylinder {
     base: DVec3,
     height: f64,
     radius: f64,
-    /// Unit vectors: the axis from base to top, and two across.
+    /// Unit vectors: the axis from base to top, and two perpendicular to it.
     axis: DVec3,
     x: DVec3,
     y: DVec3,
@@ -47,14 +49,14 @@ impl Cylinder {
         TAU * self.radius * self.height
     }
 
-    /// The smallest box around the side, but for rounding.
+    /// The smallest box around the side, grown by rounding.
     pub fn bounds(&self) -> Bounds3 {
         let across = self.radius * complement(self.axis);
         let top = self.base + self.height * self.axis;
         grown(Bounds3 { min: self.base.min(top) - across, max: self.base.max(top) + across })
     }
 
-    /// A point uniform over the area.
+    /// Samples a point uniformly over the area.
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let (s, c) = (TAU * f64::from(u.x)).sin_cos();
         let normal = self.x * c + self.y * s;
@@ -69,8 +71,8 @@ impl Cylinder {
         Patch::around(middle, across.hypot(half.y * self.height), spread)
     }
 
-    /// A point uniform over the area, with its density per solid angle. Half of the points face away from a
-    /// reference outside; an open tube may still show their inner side.
+    /// Samples a point uniformly over the area, with its density per solid angle. Half of the points face away from a reference outside;
+    /// their inner side may still be visible through an open end.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         seen_from(reference, self.sample_area(u), self.area())
     }
@@ -90,7 +92,7 @@ impl Cylinder {
         }
     }
 
-    /// Parameters on the side itself, not on its infinite continuation, ascending.
+    /// Parameters of hits on the side itself, without its infinite continuation, in ascending order.
     fn hits(&self, ray: &LocalRay) -> impl Iterator<Item = f64> {
         let across = |v: DVec3| DVec3::new(v.x, v.y, 0.0);
         let (start, slope, height) = (ray.origin.z, ray.direction.z, self.height);
@@ -138,7 +140,7 @@ impl Procedural for Cylinder {
     fn refine(&self, _primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
         let local = self.local(ray);
         let point = local.at(nearest_to(t, self.hits(&local)).unwrap_or(f64::from(t)));
-        // Back onto the surface: from the axis outward, and between the ends.
+        // Projection onto the surface: radially from the axis, and between the ends.
         let distance = point.x.hypot(point.y);
         let across = if distance > 0.0 { DVec2::new(point.x, point.y) / distance } else { DVec2::X };
         let along = point.z.clamp(0.0, self.height);

@@ -1,3 +1,5 @@
+//! Flat discs.
+
 use super::roots::accept;
 use super::{
     AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
@@ -15,7 +17,7 @@ use std::f64::consts::{PI, TAU};
 pub struct Disc {
     center: DVec3,
     radius: f64,
-    /// Unit vectors: the normal, and two in the plane.
+    /// Unit vectors: the normal, and two tangents.
     normal: DVec3,
     x: DVec3,
     y: DVec3,
@@ -39,7 +41,7 @@ impl Disc {
         self.normal
     }
 
-    /// The smallest box around the disc, but for rounding.
+    /// The smallest box around the disc, grown by rounding.
     pub fn bounds(&self) -> Bounds3 {
         let n = self.normal;
         // sqrt(1 - n_i^2), without its cancellation.
@@ -47,11 +49,11 @@ impl Disc {
         grown(Bounds3 { min: self.center - extent, max: self.center + extent })
     }
 
-    /// A point uniform over the area.
+    /// Samples a point uniformly over the area.
     #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let d = square_to_disc(u).as_dvec2();
-        // The f32 point may lie beyond the rim by its rounding.
+        // Rounding in f32 may put the point beyond the rim.
         let d = self.radius * d / d.length().max(1.0);
         let position = self.center + d.x * self.x + d.y * self.y;
         AreaSample { position, normal: self.normal, pdf_area: (1.0 / self.area()) as f32 }
@@ -62,7 +64,7 @@ impl Disc {
         Patch::around(middle, (DISC_STRETCH * half.length()).min(2.0) * self.radius, 0.0)
     }
 
-    /// A point uniform over the area, with its density per solid angle.
+    /// Samples a point uniformly over the area, with its density per solid angle.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         seen_from(reference, self.sample_area(u), self.area())
     }
@@ -72,11 +74,11 @@ impl Disc {
         solid_angle_density(1.0 / self.area(), reference, position, self.normal).unwrap_or(0.0)
     }
 
-    /// Parameter at the plane and the point there, relative to the centre; `None` outside the disc.
+    /// Parameter of the hit with the plane; `None` outside the disc.
     fn hit(&self, ray: &Ray) -> Option<f64> {
         let (offset, direction) = (ray.origin.as_dvec3() - self.center, ray.direction.as_dvec3());
         let t = -offset.dot(self.normal) / direction.dot(self.normal);
-        // False for NaN, which a ray in the plane gives.
+        // The comparison is false for NaN, which a ray in the plane gives.
         let inside = (offset + t * direction).length_squared() <= self.radius * self.radius;
         inside.then_some(t)
     }
@@ -110,7 +112,7 @@ impl Procedural for Disc {
     fn refine(&self, _primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
         let t = self.hit(ray).unwrap_or(f64::from(t));
         let offset = ray.origin.as_dvec3() - self.center + t * ray.direction.as_dvec3();
-        // Back onto the plane, by coordinates in it.
+        // Projection onto the plane, by coordinates in it.
         let (x, y) = (offset.dot(self.x), offset.dot(self.y));
         let distance = x.hypot(y) / self.radius;
         let uv = Vec2::new((y.atan2(x) / TAU).rem_euclid(1.0) as f32, distance.min(1.0) as f32);

@@ -1,8 +1,10 @@
+//! The shape of an area light.
+
 use super::{AreaSample, Cylinder, Disc, Quad, SolidAngleSample, Sphere, Triangle};
 use crate::math::Bounds3;
 use glam::{DVec3, Vec2};
 
-/// The shape of an area light; each function is that of the shape within.
+/// The shape of an area light. Each function calls that of the contained shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum EmitterShape {
     /// A sphere.
@@ -17,7 +19,7 @@ pub enum EmitterShape {
     Triangle(Triangle),
 }
 
-/// Calls one function of whichever shape it is.
+/// Calls a function of the contained shape.
 macro_rules! dispatch {
     ($self:ident, $shape:ident => $call:expr) => {
         match $self {
@@ -36,19 +38,19 @@ impl EmitterShape {
         dispatch!(self, shape => shape.area())
     }
 
-    /// A box around the shape.
+    /// A bounding box of the shape.
     pub fn bounds(&self) -> Bounds3 {
         dispatch!(self, shape => shape.bounds())
     }
 
-    /// A point uniform over the area.
+    /// Samples a point uniformly over the area.
     #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         dispatch!(self, shape => shape.sample_area(u))
     }
 
-    /// A point as seen from `reference`, by solid angle where the shape allows, otherwise by area; `None`
-    /// where the density is not positive and finite.
+    /// Samples a point as seen from `reference`, by solid angle where the shape supports it, otherwise by area; `None` where the density is
+    /// not positive and finite.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         dispatch!(self, shape => shape.sample_solid_angle(reference, u))
     }

@@ -1,3 +1,5 @@
+//! The sphere flake.
+
 use super::roots::accept;
 use super::{ShapeError, error_bound, finite, grown, nearest_by_refining, positive_radius, tangents};
 use crate::embree::{ObjectHit, Procedural, SurfacePoint};
@@ -5,35 +7,34 @@ use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DMat3, DVec3, Vec2, Vec3};
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
-/// The sphere flake of Haines ("A Proposal for Standard Graphics Environments", 1987): each sphere carries nine of a
-/// third of its radius that touch it, six around its equator and three above, the pole being where it points away from
-/// the sphere it sits on. Opaque spheres: where branches run into each other, nothing is cut away.
+/// The sphere flake of Haines ("A Proposal for Standard Graphics Environments", 1987). Each sphere carries nine touching spheres of a third
+/// of its radius: six around its equator and three above. Its pole points away from its parent sphere. The spheres are opaque: where
+/// branches overlap, nothing is removed.
 ///
-/// There is no list of spheres. Every branch is the same object turned and shrunk, so a ray that enters a branch is
-/// turned and stretched instead, and the memory is that of the upper three generations whatever the depth:
-/// (9^(depth + 1) - 1) / 8 spheres.
+/// There is no list of the (9^(depth + 1) - 1) / 8 spheres. Every branch is the same object rotated and scaled, so a ray that enters a
+/// branch is transformed instead. Memory is that of the upper three generations for any depth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SphereFlake {
     center: DVec3,
     radius: f64,
-    /// What Embree sorts: spheres of the upper generations, and below them whole branches.
+    /// Primitives for Embree: spheres of the upper generations, and below them whole branches.
     branches: Vec<Branch>,
-    /// By the number of generations a branch still has: a sphere around it, its centre on the axis.
+    /// Bounding spheres of branches with their centres on the axis, indexed by the number of remaining generations.
     around: Vec<Around>,
 }
 
-/// A sphere and what grows on it.
+/// A sphere and its descendants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Branch {
     center: DVec3,
     radius: f64,
-    /// Axes of its own space; z points away from the sphere it sits on.
+    /// Axes of its local space; z points away from the parent sphere.
     frame: DMat3,
-    /// Generations that grow on it in this primitive.
+    /// Generations of descendants in this primitive.
     depth: u32,
 }
 
-/// A sphere around a branch whose own sphere is the unit sphere.
+/// Bounding sphere of a branch whose root is the unit sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Around {
     /// Centre along z.
@@ -41,20 +42,20 @@ struct Around {
     radius: f64,
 }
 
-/// Spheres that sit on one.
+/// Child spheres of a sphere.
 const CHILDREN: usize = 9;
-/// Lanes of the test of all of them at once.
+/// SIMD lanes of the test of all children at once.
 const LANES: usize = 12;
-/// Generations that Embree sorts as primitives of their own.
+/// Generations whose spheres are separate primitives for Embree.
 const SORTED: u32 = 3;
-/// From the centre of a sphere to those on it, in radii.
+/// Distance from the centre of a sphere to those of its children, in radii.
 const DISTANCE: f64 = 4.0 / 3.0;
 const SHRINK: f64 = 3.0;
 
 /// Directions of the children, and their frames as rotations to the parent's space.
 struct Arrangement {
     frames: [DMat3; CHILDREN],
-    /// Of the directions, for all lanes; NaN in those beyond.
+    /// Coordinates of the directions by lane; NaN in unused lanes.
     lanes: [[f32; LANES]; 3],
 }
 
@@ -71,7 +72,7 @@ impl Arrangement {
             DVec3::new(c * across, s * across, (2.0f64 / 3.0).sqrt())
         });
         let frames = directions.map(|z| {
-            // The parent's axis, as far as it is across.
+            // The component of the parent's axis perpendicular to `z`.
             let x = unit_f64(DVec3::Z - z * z.z).unwrap_or(DVec3::X);
             DMat3::from_cols(x, z.cross(x), z)
         });
@@ -87,7 +88,7 @@ impl Arrangement {
 
 static ARRANGEMENT: std::sync::LazyLock<Arrangement> = std::sync::LazyLock::new(Arrangement::new);
 
-/// A line in the space of a branch, its point closest to the centre first.
+/// A line in the space of a branch, given by its point closest to the centre.
 #[derive(Clone, Copy)]
 struct Line {
     /// Closest point.
@@ -96,12 +97,12 @@ struct Line {
     u: DVec3,
     /// Parameter of `p`, in radii of the primitive.
     start: f64,
-    /// Radius of the branch's sphere in the same.
+    /// Radius of the branch's sphere, in radii of the primitive.
     unit: f64,
 }
 
 impl Line {
-    /// The line in the space of the child whose frame this is.
+    /// The line in the space of the child with this frame.
     fn in_child(&self, frame: &DMat3) -> Self {
         let to_child = frame.transpose();
         let u = to_child * self.u;
@@ -112,28 +113,27 @@ impl Line {
     }
 }
 
-/// Which parameters are still of interest. In radii of the primitive.
+/// Interval of parameters that is searched, in radii of the primitive.
 struct Window {
     low: f64,
     high: f64,
 }
 
-/// Which child of which child: four bits each, the first highest.
+/// Path of child indices from the primitive, with four bits each and the first index in the highest bits.
 type Path = u64;
 
 impl SphereFlake {
-    /// Deepest recursion: spheres of 2e-6 of the largest radius. `f32` cannot tell smaller ones apart.
+    /// Largest depth: spheres of 2e-6 of the largest radius. `f32` does not resolve smaller ones.
     pub const MAX_DEPTH: u32 = 12;
 
-    /// A flake whose largest sphere has this centre and radius; `axis` points to its upper pole. `depth` 0 is that
-    /// sphere alone.
+    /// A flake whose largest sphere has this centre and radius; `axis` points to its upper pole. `depth` 0 means that sphere only.
     pub fn new(center: DVec3, radius: f64, axis: DVec3, depth: u32) -> Result<Self, ShapeError> {
         let axis = unit_f64(finite(axis)?).ok_or(ShapeError::NoArea)?;
         let (x, y) = tangents(axis);
         Self::with_frame(center, radius, DMat3::from_cols(x, y, axis), depth)
     }
 
-    /// As [`Self::new`]; `frame` is a rotation, its z axis points to the upper pole and its x axis to a child.
+    /// A flake as from [`Self::new`]. `frame` is a rotation whose z axis points to the upper pole and whose x axis points to a child.
     pub fn with_frame(center: DVec3, radius: f64, frame: DMat3, depth: u32) -> Result<Self, ShapeError> {
         if depth > Self::MAX_DEPTH {
             return Err(ShapeError::Depth(depth));
@@ -163,20 +163,20 @@ impl SphereFlake {
         self.branches.iter().map(|branch| below(branch.depth)).sum()
     }
 
-    /// A sphere around the whole.
+    /// A bounding sphere of the flake.
     pub fn bounding_sphere(&self) -> (DVec3, f64) {
         let whole = self.around[self.around.len() - 1];
         let axis = self.branches[0].frame.z_axis;
         (self.center + axis * (whole.height * self.radius), whole.radius * self.radius)
     }
 
-    /// Bytes that this object takes.
+    /// Bytes of memory of this object.
     pub fn memory(&self) -> usize {
         size_of::<Self>() + size_of_val(self.branches.as_slice()) + size_of_val(self.around.as_slice())
     }
 
-    /// The line in a branch's own space; the second number is radii per ray parameter, the third the parameter's
-    /// offset: `t = (s + offset) / factor`. `None` for a direction of zero and NaN.
+    /// The line in a branch's space, the factor (radii per ray parameter) and the offset of the parameter: `t = (s + offset) / factor`.
+    /// `None` for a direction of zero and NaN.
     fn line(branch: &Branch, ray: &Ray) -> Option<(Line, f64, f64)> {
         let to_branch = branch.frame.transpose();
         let origin = to_branch * (ray.origin.as_dvec3() - branch.center) / branch.radius;
@@ -192,8 +192,8 @@ impl SphereFlake {
         ))
     }
 
-    /// Calls `visit` with both ends of the chord in each sphere of a branch that has a part in the window, nearer branches
-    /// first; it may narrow the window.
+    /// Calls `visit` with both ends of the chord in each sphere of a branch, nearer branches first. Branches outside the window are
+    /// skipped; `visit` may narrow the window.
     fn walk(
         &self,
         line: &Line,
@@ -218,7 +218,7 @@ impl SphereFlake {
         let mut order = [(0.0f32, 0u8); CHILDREN];
         let mut count = 0;
         for child in 0..CHILDREN {
-            // Both false for a lane of NaN: a miss.
+            // Comparisons with NaN are false, so such a lane is a miss.
             if exits[child] >= low.next_down() && entries[child] <= high.next_up() {
                 let entry = (entries[child], child as u8);
                 let mut at = count;
@@ -240,7 +240,7 @@ impl SphereFlake {
         }
     }
 
-    /// The nearest hit of a primitive beyond `low` and up to `high`, or any, with the path to its sphere.
+    /// The nearest hit of a primitive in `(low, high]`, or any hit, with the path to its sphere.
     fn find(&self, primitive: u32, ray: &Ray, [low, high]: [f64; 2], any: bool) -> Option<(f64, Path)> {
         let branch = &self.branches[primitive as usize];
         let (line, factor, offset) = Self::line(branch, ray)?;
@@ -260,7 +260,7 @@ impl SphereFlake {
     /// The sphere at the end of a path.
     fn sphere_at(&self, primitive: u32, path: Path) -> Branch {
         let mut branch = self.branches[primitive as usize];
-        // The path begins with a single bit.
+        // The path starts with a marker bit.
         let length = (63 - path.leading_zeros()) / 4;
         for step in (0..length).rev() {
             branch = branch.child((path >> (4 * step) & 15) as usize);
@@ -268,7 +268,7 @@ impl SphereFlake {
         branch
     }
 
-    /// The path to the sphere whose surface is nearest to `p`, in a branch's space.
+    /// Finds the path to the sphere whose surface is nearest to `p`, in a branch's space.
     fn nearest_sphere(&self, p: DVec3, depth: u32, unit: f64, path: Path, best: &mut (f64, Path)) {
         let distance = (p.length() - 1.0).abs() * unit;
         if distance < best.0 {
@@ -289,15 +289,15 @@ impl SphereFlake {
     }
 }
 
-/// Parameters at which the line enters and leaves the spheres around all children, in the line's own units; NaN for
-/// a miss. In `f32` and a little too wide.
+/// Parameters at which the line enters and leaves the bounding spheres of all children, in units of the line; NaN for a miss. They are
+/// computed in `f32` and slightly too wide.
 #[inline]
 fn chords(line: &Line, around: Around) -> ([f32; LANES], [f32; LANES]) {
     let lanes = &ARRANGEMENT.lanes;
     let (p, u) = (line.p.as_vec3(), line.u.as_vec3());
     let reach = ((DISTANCE * SHRINK + around.height) / SHRINK) as f32;
     let radius = (around.radius / SHRINK) as f32;
-    // A line that meets the branch stays within two radii of its centre: rounding is a few units of 4e-7.
+    // A line that hits the branch passes within two radii of its centre, so rounding is a few units of 4e-7.
     let room = radius * radius * (1.0 + 1e-5) + 1e-5 - reach * reach - p.length_squared();
     let mut entries = [0.0; LANES];
     let mut exits = [0.0; LANES];
@@ -312,10 +312,9 @@ fn chords(line: &Line, around: Around) -> ([f32; LANES], [f32; LANES]) {
     (entries, exits)
 }
 
-/// Spheres around branches of 0 to `depth` generations: the smallest with the centre on the axis, of the upper
-/// generations exactly.
+/// Bounding spheres of branches of 0 to `depth` generations: the smallest with the centre on the axis, exact for the upper generations.
 fn around(depth: u32) -> Vec<Around> {
-    /// Generations looked at one by one.
+    /// Generations whose spheres are enumerated.
     const EXACT: u32 = 3;
     let mut known = vec![Around { height: 0.0, radius: 1.0 }];
     for generations in 1..=depth {
@@ -337,7 +336,7 @@ fn around(depth: u32) -> Vec<Around> {
             let center = DVec3::new(0.0, 0.0, height);
             spheres.iter().map(|(c, r)| (*c - center).length() + r).fold(0.0, f64::max)
         };
-        // A maximum of convex functions is convex.
+        // The maximum of convex functions is convex, so ternary search finds the minimum.
         let (mut low, mut high) = (-1.0, 2.0);
         for _ in 0..60 {
             let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
@@ -398,7 +397,7 @@ impl Procedural for SphereFlake {
     }
 
     fn refine(&self, primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
-        /// Relative distance within which the hit must lie: the rounding of `t`, and of an instance.
+        /// Relative tolerance of the parameter, for the rounding of `t` and of an instance's transform.
         const SAME: f64 = 1e-6;
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let rounded = f64::from(t);
@@ -416,7 +415,7 @@ impl Procedural for SphereFlake {
         let local = sphere.frame.transpose() * normal;
         let azimuth = (local.y.atan2(local.x) / TAU).rem_euclid(1.0);
         let polar = local.truncate().length().atan2(local.z) / PI;
-        // Each generation adds the rounding of its centre.
+        // Each generation adds the rounding error of its centre.
         let error: Vec3 = error_bound(self.center, 2.0 * self.radius) * 2.0;
         let uv = Vec2::new(azimuth as f32, polar as f32);
         SurfacePoint::new(sphere.center + sphere.radius * normal, error, normal, uv)

@@ -1,7 +1,8 @@
-//! Exact shapes: what is never tessellated, and how emitters of every shape are sampled.
+//! Exact shapes, which are never tessellated, and sampling of emitters of every shape.
 //!
-//! [`Sphere`], [`Cylinder`] and [`Disc`], closed bodies and what is made of them ([`Csg`]), [`SphereFlake`] and
-//! [`Terrain`] are [`crate::embree::Procedural`]: intersected in `f64` from the `f32` ray, in their own space. [`Quad`] and [`Triangle`] are intersected by Embree and only sampled here.
+//! [`Sphere`], [`Cylinder`], [`Disc`], combinations of closed bodies ([`Csg`]), [`SphereFlake`] and [`Terrain`] are
+//! [`crate::embree::Procedural`]: they are intersected in `f64` from the `f32` ray, in object space. [`Quad`] and [`Triangle`] are
+//! intersected by Embree and only sampled here.
 //!
 //! # Sampling
 //!
@@ -14,9 +15,8 @@
 //! - `pdf_solid_angle(reference, position)`: the same density for any point `position` of the shape; zero where
 //!   it would be infinite.
 //!
-//! `u` is in `[0, 1)^2`. Both sides of a shape are sampled, facing the reference or not and visible or not: which
-//! side emits, and what is in between, is for the light to ask. Densities are `f32`, 1/m^2 of the shape's space
-//! and 1/sr; all else is `f64`.
+//! `u` is in `[0, 1)^2`. Both sides of a shape are sampled, whether they face the reference or are visible or not. The light decides which
+//! side emits, and tests visibility. Densities are `f32`, in 1/m^2 of the shape's space and in 1/sr; all other values are `f64`.
 
 mod chart;
 mod csg;
@@ -54,7 +54,7 @@ use crate::embree::{ObjectHit, Procedural};
 use crate::math::{Bounds3, Ray};
 use glam::{DVec3, Vec3};
 
-/// Why a shape cannot be made of its numbers.
+/// An error in the parameters of a shape.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum ShapeError {
     /// A radius that is not a positive finite number.
@@ -69,13 +69,13 @@ pub enum ShapeError {
     /// Two ends, edges or corners that span no area, or a normal of length zero.
     #[error("no area: ends coincide, edges are parallel or the normal is zero")]
     NoArea,
-    /// Constructive solid geometry of more bodies than fit.
+    /// Constructive solid geometry with too many bodies.
     #[error("more than {} bodies in one object; split it into several shapes", Csg::MOST_SOLIDS)]
     TooManySolids,
-    /// A recursion that `f32` cannot tell apart any more.
+    /// A recursion that is too deep for the resolution of `f32`.
     #[error("a depth of {0} is more than `f32` can show; at most 12")]
     Depth(u32),
-    /// A height grid without cells, or with other heights than its cells have corners.
+    /// A height grid without cells, or whose number of heights does not match its corners.
     #[error("{heights} heights for {cells} by {cells} cells; there must be one for each corner, all finite")]
     Heights {
         /// Cells along each side.
@@ -85,18 +85,18 @@ pub enum ShapeError {
     },
 }
 
-/// A point drawn uniformly from the area of a shape.
+/// A point sampled uniformly over the area of a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaSample {
     /// Position on the surface.
     pub position: DVec3,
     /// Unit normal on the outer side.
     pub normal: DVec3,
-    /// Density per area, one side: `1 / area`.
+    /// Density per area of one side: `1 / area`.
     pub pdf_area: f32,
 }
 
-/// A point of a shape, drawn as seen from elsewhere.
+/// A point of a shape, sampled as seen from a reference point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidAngleSample {
     /// Position on the surface.
@@ -112,11 +112,11 @@ fn finite(point: DVec3) -> Result<DVec3, ShapeError> {
 }
 
 fn positive_radius(radius: f64) -> Result<f64, ShapeError> {
-    // The square of the radius is formed; beyond these it would leave the range of f64.
+    // The square of the radius must stay in the range of f64.
     if (1e-150..=1e150).contains(&radius) { Ok(radius) } else { Err(ShapeError::Radius(radius)) }
 }
 
-/// Density per solid angle of a density per area: `pdf_area distance^2 / |cos|`, with the cosine at the
+/// Converts a density per area to a density per solid angle: `pdf_area distance^2 / |cos|`, with the cosine at the
 /// sampled surface. `None` where it is zero, infinite or NaN.
 fn solid_angle_density(pdf_area: f64, reference: DVec3, position: DVec3, normal: DVec3) -> Option<f32> {
     let to_surface = position - reference;
@@ -126,15 +126,14 @@ fn solid_angle_density(pdf_area: f64, reference: DVec3, position: DVec3, normal:
     (pdf > 0.0 && pdf.is_finite()).then_some(pdf)
 }
 
-/// [`AreaSample`] as seen from `reference`.
+/// Converts an [`AreaSample`] to a sample as seen from `reference`.
 fn seen_from(reference: DVec3, sample: AreaSample, area: f64) -> Option<SolidAngleSample> {
     let AreaSample { position, normal, .. } = sample;
     let pdf_solid_angle = solid_angle_density(1.0 / area, reference, position, normal)?;
     Some(SolidAngleSample { position, normal, pdf_solid_angle })
 }
 
-/// A unit vector perpendicular to the unit vector `v`, and the third that makes a right-handed frame with `v`
-/// last.
+/// Two unit vectors that form a right-handed frame with the unit vector `v` as the last one.
 fn tangents(v: DVec3) -> (DVec3, DVec3) {
     // The construction of `math::Frame`, in f64.
     let sign = 1f64.copysign(v.z);
@@ -143,28 +142,28 @@ fn tangents(v: DVec3) -> (DVec3, DVec3) {
     (DVec3::new(1.0 + sign * v.x * v.x * a, sign * b, -sign * v.x), DVec3::new(b, sign + v.y * v.y * a, -v.y))
 }
 
-/// Relative error that a dozen roundings in `f64` leave: bound per unit of the numbers involved.
+/// Bound on the relative error of a dozen roundings in `f64`.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 
-/// Error bound for coordinates made from `point` and lengths up to `extent`, rounded up to `f32`.
+/// Error bound for coordinates computed from `point` and lengths up to `extent`, rounded up to `f32`.
 fn error_bound(point: DVec3, extent: f64) -> Vec3 {
     (ROUNDINGS * (point.abs() + extent)).to_array().map(|e| (e as f32).next_up()).into()
 }
 
-/// `bounds` grown by the rounding of its own corners, so that no computed point lies outside.
+/// `bounds` grown by the rounding error of its corners, so that no computed point lies outside.
 fn grown(bounds: Bounds3) -> Bounds3 {
     let margin = ROUNDINGS * bounds.min.abs().max(bounds.max.abs()).max_element();
     Bounds3 { min: bounds.min - margin, max: bounds.max + margin }
 }
 
-/// Distances from the origin to the nearest and to the farthest point of a rectangle, given as center and half extent along each
+/// Distances from the origin to the nearest and the farthest point of a rectangle, which is given by centre and half extent along each
 /// axis.
 fn distances_2d(sides: [(f64, f64); 2]) -> (f64, f64) {
     let [x, y] = sides.map(|(center, half)| ((center.abs() - half).max(0.0), center.abs() + half));
     (x.0.hypot(y.0), x.1.hypot(y.1))
 }
 
-/// [`Procedural::nearest`] of a shape that has its own `intersect` and `refine`.
+/// [`Procedural::nearest`] for a shape that implements `intersect` and `refine`.
 fn nearest_by_refining(shape: &impl Procedural, primitive: u32, ray: &Ray) -> Option<ObjectHit> {
     let t = shape.intersect(primitive, ray)?;
     let point = shape.refine(primitive, ray, t);

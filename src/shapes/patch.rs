@@ -1,38 +1,40 @@
+//! Bounds on positions and normals of sampled parts of a shape.
+
 use super::{AreaSample, EmitterShape};
 use crate::math::unit_f64;
 use glam::{DVec3, Vec2};
 use std::f64::consts::PI;
 
-/// A bound on the part of a surface that a rectangle of the unit square is sampled to: its points lie within `radius` of
-/// `center`, its normals within the angle `spread` (radians) of `axis`.
+/// A bound on the part of a surface to which a rectangle of the unit square is mapped. Its points lie within `radius` of `center`, and its
+/// normals within the angle `spread` (radians) of `axis`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
-    /// Centre of the sphere of positions.
+    /// Centre of the bounding sphere of positions.
     pub center: DVec3,
     /// Its radius.
     pub radius: f64,
     /// Unit axis of the cone of normals.
     pub axis: DVec3,
-    /// Half angle of that cone; `pi` where it holds all directions.
+    /// Half angle of that cone; `pi` for all directions.
     pub spread: f64,
 }
 
-/// Room for rounding, over exact bounds.
+/// Factor on exact bounds that allows for rounding.
 const SLACK: f64 = 1.0 + 1e-6;
 
 impl Patch {
-    /// Around the point in the middle.
+    /// A patch around the point in the middle.
     pub(super) fn around(middle: &AreaSample, radius: f64, spread: f64) -> Self {
         Self {
             center: middle.position,
-            // The f32 coordinates of the samples are rounded too.
+            // The sample coordinates in f32 are rounded too.
             radius: radius * SLACK + 1e-7 * middle.position.abs().max_element(),
             axis: middle.normal,
             spread: if spread > 0.0 { (spread * SLACK).min(PI) } else { 0.0 },
         }
     }
 
-    /// The bound on all of `patches`; `None` without any.
+    /// A bound on all of `patches`; `None` where there are none.
     pub fn union(patches: &[Self]) -> Option<Self> {
         let first = patches.first()?;
         if patches.len() == 1 {
@@ -41,7 +43,7 @@ impl Patch {
         let n = patches.len() as f64;
         let center = patches.iter().map(|patch| patch.center).sum::<DVec3>() / n;
         let radius = patches.iter().map(|p| (p.center - center).length() + p.radius).fold(0.0, f64::max);
-        // The mean of equal vectors differs from them by rounding alone, which the slack takes.
+        // The mean of equal vectors differs from them only by rounding, which the tolerance covers.
         let axis = unit_f64(patches.iter().map(|patch| patch.axis).sum());
         let off = |patch: &Self| axis.map_or(PI, |axis| axis.angle_between(patch.axis) + patch.spread);
         let spread = patches.iter().map(off).fold(0.0, f64::max);
@@ -53,14 +55,14 @@ impl Patch {
         })
     }
 
-    /// The same patch with its normals on the other side.
+    /// The same patch with flipped normals.
     pub fn flipped(&self) -> Self {
         Self { axis: -self.axis, ..*self }
     }
 }
 
 impl EmitterShape {
-    /// A bound on where [`Self::sample_area`] goes for random numbers between `low` and `high`.
+    /// A bound on the results of [`Self::sample_area`] for random numbers between `low` and `high`.
     pub fn patch(&self, low: Vec2, high: Vec2) -> Patch {
         let middle = self.sample_area(0.5 * (low + high));
         let half = (0.5 * (high - low)).as_dvec2();

@@ -1,15 +1,15 @@
+//! Parallelograms, and sampling of rectangles by solid angle.
+
 use super::{AreaSample, Patch, ShapeError, SolidAngleSample, finite, seen_from, solid_angle_density};
 use crate::math::{Bounds3, unit_f64};
 use glam::{DVec2, DVec3, Vec2};
 
-/// Solid angle in sr below which a rectangle is sampled by area instead. The solid angle is a sum that
-/// cancels down to an error of about 1e-15 sr, so at this size densities and points are still exact to `f32`;
-/// and a rectangle of 1e-7 sr, 0.3 mrad across, has the same density by area as by solid angle to 0.1 %,
-/// unless it is seen edge-on.
+/// Solid angle in sr below which a rectangle is sampled by area instead. Cancellation leaves an error of about 1e-15 sr in the solid
+/// angle, so at this size densities and points are still accurate to `f32`. The densities by area and by solid angle of a rectangle of
+/// 1e-7 sr, 0.3 mrad across, agree to 0.1 %, unless it is seen edge-on.
 pub const SMALLEST_SPHERICAL_RECTANGLE: f64 = 1e-7;
 
-/// Cosine between the edges up to which a parallelogram counts as a rectangle: rounding of a rotation in
-/// `f64`.
+/// Largest cosine between the edges of a rectangle, which allows for the rounding of a rotation in `f64`.
 const RIGHT_ANGLE_TOLERANCE: f64 = 1e-10;
 
 /// A parallelogram `corner + s edge_u + t edge_v` with `s, t` in `[0, 1]`; normal along `edge_u x edge_v`.
@@ -39,7 +39,7 @@ impl Quad {
         self.area
     }
 
-    /// True where the corners are right angles, so that directions to it are drawn by solid angle.
+    /// Whether the corners are right angles, so that directions to it are sampled by solid angle.
     pub fn is_rectangle(&self) -> bool {
         self.is_rectangle
     }
@@ -55,7 +55,7 @@ impl Quad {
         Bounds3::of_points([a, b, c, b + self.edge_v])
     }
 
-    /// A point uniform over the area.
+    /// Samples a point uniformly over the area.
     #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let position = self.corner + f64::from(u.x) * self.edge_u + f64::from(u.y) * self.edge_v;
@@ -68,9 +68,8 @@ impl Quad {
         Patch::around(middle, (s + t).length().max((s - t).length()), 0.0)
     }
 
-    /// A point uniform over the solid angle that a rectangle covers, by the map of Ureña, Fajardo & King
-    /// (2013). A parallelogram without right angles, and a rectangle that covers less than
-    /// [`SMALLEST_SPHERICAL_RECTANGLE`], is sampled uniformly over its area instead.
+    /// Samples a point uniformly over the solid angle of a rectangle, by the map of Ureña, Fajardo & King (2013). A parallelogram without
+    /// right angles or a rectangle of less than [`SMALLEST_SPHERICAL_RECTANGLE`] is sampled uniformly over its area instead.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         let Some(rectangle) = self.spherical(reference) else {
             return seen_from(reference, self.sample_area(u), self.area);
@@ -97,7 +96,7 @@ impl Quad {
             return None;
         }
         let rectangle = SphericalRectangle::new(self, reference);
-        // In the plane of the rectangle it covers nothing, or half of everything at no distance. NaN on an edge.
+        // From a point in its plane the rectangle has no solid angle, or a half space at distance zero. On an edge the value is NaN.
         let covers = rectangle.z0 < 0.0 && rectangle.solid_angle >= SMALLEST_SPHERICAL_RECTANGLE;
         covers.then_some(rectangle)
     }
@@ -107,9 +106,9 @@ impl Quad {
 /// Spherical Rectangles", EGSR 2013), in the paper's symbols: the rectangle spans `[x0, x1] x [y0, y1]` in
 /// the plane at distance `-z0 >= 0` from the reference.
 ///
-/// The paper's angles are `g = acos(-n_i.z n_j.z)` between the planes through adjacent edges. Kept here is `g
-/// - pi/2`, taken from an arc tangent: the arc cosine loses half of the digits where a rectangle is seen
-/// edge-on, and the sum of four angles less `2 pi` loses more than a sum of four small ones.
+/// The paper's angles are `g = acos(-n_i.z n_j.z)` between the planes through adjacent edges. This code stores `g - pi/2`, from an arc
+/// tangent. The arc cosine loses half of the digits where a rectangle is seen edge-on, and the sum of four angles minus `2 pi` loses more
+/// than a sum of four small angles.
 struct SphericalRectangle {
     x: DVec2,
     y: DVec2,
@@ -128,10 +127,10 @@ impl SphericalRectangle {
         let (x0, y0) = (d.dot(quad.edge_u) / width, d.dot(quad.edge_v) / height);
         let (x, y) = (DVec2::new(x0, x0 + width), DVec2::new(y0, y0 + height));
         let distance = d.dot(quad.normal).abs();
-        // Unit normals of the planes through the edges: each has a part along z, and one along y or x.
+        // Unit normals of the planes through the edges: each has a component along z and one along y or x.
         let normal = |along_z: f64| DVec2::new(along_z, distance) / along_z.hypot(distance);
         let (n0, n1, n2, n3) = (normal(-y.x), normal(x.y), normal(y.y), normal(-x.x));
-        // asin of the product of the z parts; the cosine as the length of the cross product.
+        // asin of the product of the z components; the cosine is the length of the cross product.
         let excess = |a: DVec2, b: DVec2| {
             let cosine = a.y.hypot(a.x * b.y);
             (a.x * b.x).atan2(cosine)
@@ -154,8 +153,8 @@ impl SphericalRectangle {
         let phi = u.x * self.solid_angle - self.offset;
         let (sin, cos) = phi.sin_cos();
         let fu = (cos * self.b.x + self.b.y) / sin;
-        // 2. xu = cu |z0| / sqrt(1 - cu^2) with cu = 1 / sqrt(fu^2 + b0^2); 1 - b0^2 as a square, so that no
-        // difference of two numbers near one is left.
+        // 2. xu = cu |z0| / sqrt(1 - cu^2) with cu = 1 / sqrt(fu^2 + b0^2); 1 - b0^2 is computed as a square, which
+        // avoids a difference of two numbers near one.
         let a0 = distance / self.y.x.hypot(distance);
         let root = ((fu.abs() - a0) * (fu.abs() + a0)).max(0.0).sqrt();
         let xu = (distance / root).copysign(fu).max(self.x.x).min(self.x.y);

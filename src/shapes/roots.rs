@@ -1,19 +1,20 @@
+//! Intersection of lines with spheres and cylinders, and selection of roots.
+
 use glam::DVec3;
 
-/// Parameters at which the line `offset + t direction` meets the sphere of `radius` around zero, ascending;
-/// the circular cylinder where both vectors lack their axial part. `None` for a miss, a direction of zero,
-/// and NaN.
+/// Parameters, ascending, at which the line `offset + t direction` meets the sphere of `radius` around the origin. Where both vectors lack
+/// their axial component, it is the circular cylinder. `None` for a miss, a direction of zero, and NaN.
 ///
-/// In the form of Haines, Günther & Akenine-Möller, "Precision Improvements for Ray/Sphere Intersection" (Ray
-/// Tracing Gems, 2019): the discriminant from the closest point of the line, which keeps a small sphere far
-/// away; and the smaller root as a quotient, which for an origin close to a large sphere is as exact as the
-/// origin's distance from the surface.
+/// The form is that of Haines, Günther & Akenine-Möller, "Precision Improvements for Ray/Sphere Intersection" (Ray
+/// Tracing Gems, 2019). The discriminant comes from the closest point of the line, which is accurate for small distant
+/// spheres. The smaller root is a quotient, which for an origin close to a large sphere is as accurate as the origin's
+/// distance from the surface.
 pub(super) fn sphere_roots(offset: DVec3, direction: DVec3, radius: f64) -> Option<[f64; 2]> {
     let a = direction.length_squared();
     let b = -offset.dot(direction);
     let closest = (offset + (b / a) * direction).length();
     let discriminant = a * ((radius - closest) * (radius + closest));
-    // NaN compares false as well: from a direction of zero, or from one that is not finite.
+    // A direction of zero or one that is not finite gives NaN, which is not finite either.
     if !discriminant.is_finite() || discriminant < 0.0 {
         return None;
     }
@@ -26,13 +27,13 @@ pub(super) fn sphere_roots(offset: DVec3, direction: DVec3, radius: f64) -> Opti
     Some(if one < other { [one, other] } else { [other, one] })
 }
 
-/// `t` as Embree takes it: `None` unless, rounded to `f32`, it is in `(0, t_max]` and finite.
+/// `t` rounded to `f32` for Embree; `None` unless it is then finite and in `(0, t_max]`.
 pub(super) fn accept(t: f64, t_max: f32) -> Option<f32> {
     let t = t as f32;
     (t > 0.0 && t <= t_max && t < f32::INFINITY).then_some(t)
 }
 
-/// Whichever of `candidates` is nearest to the `f32` parameter `t` that a traversal returned.
+/// The candidate nearest to the `f32` parameter `t` that a traversal returned.
 pub(super) fn nearest_to(t: f32, candidates: impl IntoIterator<Item = f64>) -> Option<f64> {
     let distance = |x: &f64| (x - f64::from(t)).abs();
     candidates.into_iter().min_by(|x, y| distance(x).total_cmp(&distance(y)))

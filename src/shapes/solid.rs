@@ -1,3 +1,5 @@
+//! Closed bodies under affine transforms: sphere, box, cone, torus and lens.
+
 use super::span::Span;
 use super::torus::torus_roots;
 use super::{Chart, ShapeError, distances_2d, error_bound, finite, grown, positive_radius, tangents};
@@ -7,9 +9,9 @@ use arrayvec::ArrayVec;
 use glam::{DAffine3, DMat3, DVec2, DVec3, Vec2};
 use std::f64::consts::TAU;
 
-/// A closed body under any affine transform: what [`super::Csg`] is made of. Normals point outward.
+/// A closed body under any affine transform, used by [`super::Csg`]. Normals point outward.
 ///
-/// Each body has a space of its own in which it is of size one, and to which rays are taken in `f64`.
+/// Each body has a local space in which it has size one. Rays are transformed to it in `f64`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solid {
     form: Form,
@@ -18,27 +20,26 @@ pub struct Solid {
     to_local: DMat3,
 }
 
-/// A body in its own space.
+/// A body in local space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Form {
     /// Radius 1 around zero.
     Sphere,
     /// `[-1, 1]^3`.
     Box,
-    /// Around z from -1 to 1, radius `middle - taper z`: 1 at the base, 0 to 1 at the top. Closed by discs.
+    /// A cone around z from -1 to 1 with radius `middle - taper z`: 1 at the base, 0 to 1 at the top. Discs close it.
     Cone { middle: f64, taper: f64 },
-    /// Around z, middle circle of radius 1.
+    /// A torus around z whose middle circle has radius 1.
     Torus { minor: f64 },
-    /// Around z: between a front through `z = front` and a back through `z = -back` with these curvatures (one over
-    /// the radius, 0 for a plane), within the cylinder of radius 1.
+    /// A lens around z, between a front through `z = front` and a back through `z = -back`, within the cylinder of radius 1. Curvatures are
+    /// one over the radius, 0 for a plane.
     Lens { front: f64, back: f64, front_curvature: f64, back_curvature: f64 },
 }
 
 /// Most crossings of a line with one body.
 pub(super) const MOST_CROSSINGS: usize = 4;
 
-/// Crossings of a line with a body, ascending: parameter and face. The line is outside before the first, and each
-/// changes sides.
+/// Crossings of a line with a body, as parameter and face, in ascending order. The line starts outside, and each crossing changes sides.
 pub(super) type SolidCrossings = ArrayVec<(f64, u8), MOST_CROSSINGS>;
 
 /// Side, base and top of a cone.
@@ -64,7 +65,7 @@ impl Solid {
         Self::new(Form::Sphere, center, DMat3::from_diagonal(DVec3::splat(positive_radius(radius)?)))
     }
 
-    /// The box between two opposite corners, along the axes.
+    /// The axis-aligned box between two opposite corners.
     pub fn cuboid(min: DVec3, max: DVec3) -> Result<Self, ShapeError> {
         let half = 0.5 * (finite(max)? - finite(min)?);
         if !half.cmpgt(DVec3::ZERO).all() {
@@ -78,7 +79,7 @@ impl Solid {
         Self::cone(base, top, radius, radius)
     }
 
-    /// A cone with a closed base, cut off and closed at the top where `top_radius` is not zero. One of the radii may be
+    /// A cone with a closed base. Where `top_radius` is not zero, the cone is truncated and closed at the top. One of the radii may be
     /// zero.
     pub fn cone(base: DVec3, top: DVec3, base_radius: f64, top_radius: f64) -> Result<Self, ShapeError> {
         let (base, top, wide, narrow) = if base_radius >= top_radius {
@@ -98,7 +99,7 @@ impl Solid {
         Self::new(form, base + half, DMat3::from_cols(x * wide, y * wide, half))
     }
 
-    /// A ring: all points within `minor` of a circle of radius `major` around `axis`. `minor` is below `major`.
+    /// A torus: all points within `minor` of a circle of radius `major` around `axis`. `minor` must be below `major`.
     pub fn torus(center: DVec3, axis: DVec3, major: f64, minor: f64) -> Result<Self, ShapeError> {
         let (major, minor) = (positive_radius(major)?, positive_radius(minor)?);
         if !(minor < major) {
@@ -110,9 +111,9 @@ impl Solid {
         Self::new(Form::Torus { minor: minor / major }, center, frame)
     }
 
-    /// What two spheres and a cylinder of radius `aperture` around `axis` have in common: `thickness` is that on the
-    /// axis, half of it on each side of `center`. The surface towards `axis` has the radius of curvature `front`, the
-    /// other `back`; infinity makes it plane. Where the spheres meet inside the aperture, the lens ends there.
+    /// A lens: the intersection of two spheres and a cylinder of radius `aperture` around `axis`. `thickness` is measured on the axis,
+    /// half of it on each side of `center`. The surface towards `axis` has the radius of curvature `front`, the other one `back`;
+    /// infinity makes a plane. Where the spheres meet inside the aperture, the lens ends there.
     pub fn lens(
         center: DVec3,
         axis: DVec3,
@@ -125,7 +126,7 @@ impl Solid {
             if radius != f64::INFINITY {
                 positive_radius(radius)?;
             }
-            // The far side of a ball would come back into the lens.
+            // Otherwise the far side of the sphere would cut the lens.
             if !(2.0 * radius >= thickness) {
                 return Err(ShapeError::Radius(radius));
             }
@@ -142,7 +143,7 @@ impl Solid {
         Self::new(form, center, DMat3::from_cols(x * aperture, y * aperture, axis * aperture))
     }
 
-    /// Coordinates on the faces of a box, normals outward; `None` for other bodies.
+    /// Charts of the faces of a box, with outward normals; `None` for other bodies.
     pub(super) fn charts(&self) -> Option<Vec<Chart>> {
         if self.form != Form::Box {
             return None;
@@ -151,7 +152,7 @@ impl Solid {
         let turn = if self.to_object.determinant() < 0.0 { -1.0 } else { 1.0 };
         let face = |axis: usize, side: f64| {
             let (out, u, v) = (axes[axis], axes[(axis + 1) % 3], axes[(axis + 2) % 3]);
-            // Turned with the side, so that the normal points outward.
+            // The sign makes the normal point outward.
             let u = u * (side * turn);
             Chart::parallelogram(self.center + out * side - u - v, 2.0 * u, 2.0 * v).ok()
         };
@@ -160,13 +161,13 @@ impl Solid {
             .collect()
     }
 
-    /// The body under a transform, which must not flatten it.
+    /// The transformed body. The transform must be invertible.
     pub fn transformed(&self, transform: &DAffine3) -> Result<Self, ShapeError> {
         let center = transform.transform_point3(self.center);
         Self::new(self.form, center, transform.matrix3 * self.to_object)
     }
 
-    /// Number of its faces.
+    /// Number of faces.
     pub(super) fn faces(&self) -> u8 {
         match self.form {
             Form::Sphere | Form::Torus { .. } => 1,
@@ -175,7 +176,7 @@ impl Solid {
         }
     }
 
-    /// Radius in its own space of a sphere around zero that contains the body.
+    /// Radius of a sphere around the origin of local space that contains the body.
     fn reach(&self) -> f64 {
         match self.form {
             Form::Sphere => 1.0,
@@ -186,9 +187,9 @@ impl Solid {
         }
     }
 
-    /// A sphere around the body.
+    /// A bounding sphere of the body.
     pub(super) fn around(&self) -> (DVec3, f64) {
-        // No vector grows by more than the Frobenius norm, and of a scaled rotation that is too much by sqrt(3).
+        // The Frobenius norm bounds the growth of vectors, but for a scaled rotation it is too large by sqrt(3).
         let [x, y, z] = [self.to_object.x_axis, self.to_object.y_axis, self.to_object.z_axis];
         let norm = (x.length_squared() + y.length_squared() + z.length_squared()).sqrt();
         let longest = x.length().max(y.length()).max(z.length());
@@ -197,11 +198,11 @@ impl Solid {
         (self.center, self.reach() * if right { longest } else { norm } * (1.0 + 1e-9))
     }
 
-    /// A box around the body.
+    /// A bounding box of the body.
     pub fn bounds(&self) -> Bounds3 {
         let rows = self.to_object.transpose();
         let [x, y, z] = [rows.x_axis, rows.y_axis, rows.z_axis];
-        // Half extents along each axis: of an ellipsoid, a box, or what turns around z.
+        // Half extents along each axis: of an ellipsoid, a box, or a body of revolution around z.
         let round =
             |row: DVec3, radius: f64, height: f64| radius * row.truncate().length() + height * row.z.abs();
         let half = [x, y, z].map(|row| match self.form {
@@ -215,8 +216,8 @@ impl Solid {
         grown(Bounds3 { min: self.center - half, max: self.center + half })
     }
 
-    /// Where the line through `ray` meets the surface. Errors are those of a few roundings in `f64` of the distance of
-    /// its origin and the size of the body. Empty for a direction of zero and for NaN.
+    /// Crossings of the line through `ray` with the surface. The errors are a few roundings in `f64` of the distance of the origin and of
+    /// the size of the body. The result is empty for a direction of zero and for NaN.
     #[inline]
     pub(super) fn crossings(&self, ray: &Ray) -> SolidCrossings {
         let mut found = SolidCrossings::new();
@@ -224,7 +225,7 @@ impl Solid {
         let direction = self.to_local * ray.direction.as_dvec3();
         let length = direction.length();
         let u = direction / length;
-        // From the point closest to the centre on, the numbers are of size one.
+        // Relative to the point closest to the centre, all numbers have size one.
         let start = -origin.dot(u);
         let p = origin + start * u;
         let reach = self.reach();
@@ -245,7 +246,7 @@ impl Solid {
         found
     }
 
-    /// Where the line `p + s u` is inside, for the convex forms with several faces.
+    /// The span of the line `p + s u` inside the body, for the convex forms with several faces.
     fn span(&self, p: DVec3, u: DVec3) -> Span {
         match self.form {
             Form::Sphere | Form::Torus { .. } => Span::ALL,
@@ -257,7 +258,7 @@ impl Solid {
                 let a = u.truncate().length_squared() - taper * taper * u.z * u.z;
                 let b = p.truncate().dot(u.truncate()) + taper * w * u.z;
                 let c = p.truncate().length_squared() - w * w;
-                // Of a double cone the half below the apex, which the line is in before it where it rises.
+                // The quadric is a double cone. A rising line is in the half below the apex before it reaches the apex.
                 Span::quadric(a, b, c, SIDE, u.z > 0.0).and(Span::slab(p.z, u.z, BASE, TOP))
             }
             Form::Lens { front, back, front_curvature, back_curvature } => {
@@ -280,9 +281,9 @@ impl Solid {
         }
     }
 
-    /// False where no point of the body's surface is in the box.
+    /// Returns false where no point of the body's surface is in the box.
     pub(super) fn may_be_in(&self, region: &Bounds3) -> bool {
-        // A box around the box in the body's own space.
+        // A box around `region` in local space.
         let center = self.to_local * (region.center() - self.center);
         let half = 0.5 * (region.max - region.min);
         let rows = self.to_local.transpose();
@@ -308,7 +309,7 @@ impl Solid {
                 bottom <= top && low <= wide && !is_inside
             }
             Form::Torus { minor } => {
-                // In the half plane of radius and height, a circle around (1, 0).
+                // In the half plane of radius and height, the torus is a circle around (1, 0).
                 let place = (0.5 * (low + high), 0.5 * (high - low));
                 let (low, high) = distances_2d([(place.0 - 1.0, place.1), (center.z, half.z)]);
                 meets(low, high, minor)
@@ -330,11 +331,11 @@ impl Solid {
         }
     }
 
-    /// Distance of a point from the nearest of the body's faces, but for one that it lies on, with a point of that face and
-    /// the unit normal there; `None` where all are farther away than rounding explains. May be too large, by as much as
-    /// the faces are aslant to the axes of the body.
+    /// Distance from a point to the nearest face of the body except `own`, with a point of that face and the unit normal there; `None`
+    /// where all faces are farther away than a small share of the body's size. The distance may be too large for faces that are oblique
+    /// to the axes of the body.
     pub(super) fn nearest_face(&self, point: DVec3, own: Option<u8>) -> Option<(f64, DVec3, DVec3)> {
-        /// Share of the body's size.
+        /// Largest distance, as a share of the body's size.
         const FAR: f64 = 1e-3;
         let local = self.to_local * (point - self.center);
         let reach = self.reach() * (1.0 + FAR);
@@ -352,7 +353,7 @@ impl Solid {
         Some((distance, self.center + self.to_object * there, normal))
     }
 
-    /// What the body measures across where it is thinnest, from the middle on.
+    /// The smallest half extent of the body.
     pub(super) fn least_extent(&self) -> f64 {
         let [x, y, z] = [self.to_object.x_axis, self.to_object.y_axis, self.to_object.z_axis];
         let height = match self.form {
@@ -363,7 +364,7 @@ impl Solid {
         x.length().min(y.length()).min(z.length() * height)
     }
 
-    /// The point of `face` next to the point at `t` of `ray`.
+    /// The point of `face` nearest to the point at `t` of `ray`.
     pub(super) fn refine(&self, ray: &Ray, t: f64, face: u8) -> SurfacePoint {
         let origin = self.to_local * (ray.origin.as_dvec3() - self.center);
         let near = origin + t * (self.to_local * ray.direction.as_dvec3());
@@ -426,7 +427,7 @@ impl Solid {
             Form::Lens { front, back, front_curvature, back_curvature } => {
                 let (apex, curvature, side) =
                     if face == FRONT { (front, front_curvature, 1.0) } else { (back, back_curvature, -1.0) };
-                // Onto the cap along the axis: its sagitta, by the form that a plane has as well.
+                // Projection onto the cap along the axis, by its sagitta in a form that also holds for a plane.
                 let radius = radius.min(1.0).min(1.0 / curvature);
                 let cos = (1.0 - (curvature * radius).powi(2)).max(0.0).sqrt();
                 let sagitta = curvature * radius * radius / (1.0 + cos);

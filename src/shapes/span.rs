@@ -1,6 +1,6 @@
-//! Stretches of a line inside convex bodies.
+//! Intervals of a line inside convex bodies.
 
-/// Where a line is inside a convex body, and through which faces it comes and goes. May reach to infinity.
+/// Interval of a line inside a convex body, with the faces of entry and exit. It may extend to infinity.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Span {
     pub(super) enter: (f64, u8),
@@ -15,7 +15,7 @@ impl Span {
         Self { enter: (f64::INFINITY, 0), exit: (f64::NEG_INFINITY, 0) }
     }
 
-    /// What both have in common.
+    /// The intersection of both intervals.
     pub(super) fn and(self, other: Self) -> Self {
         Self {
             enter: if other.enter.0 > self.enter.0 { other.enter } else { self.enter },
@@ -23,7 +23,7 @@ impl Span {
         }
     }
 
-    /// `-1 <= p + s d <= 1`, through the faces `low` and `high`.
+    /// The interval with `-1 <= p + s d <= 1`, between the faces `low` and `high`.
     pub(super) fn slab(p: f64, d: f64, low: u8, high: u8) -> Self {
         if d == 0.0 {
             return if p.abs() <= 1.0 { Self::ALL } else { Self::empty() };
@@ -36,8 +36,8 @@ impl Span {
         Self { enter: (enter, enter_face), exit: (exit, exit_face) }
     }
 
-    /// `a s^2 + 2 b s + c <= 0`, a boundary of one `face`. Where `a < 0` that is two stretches; the one that reaches
-    /// to minus infinity is meant with `before`, the other without.
+    /// The interval with `a s^2 + 2 b s + c <= 0`, bounded by one `face`. Where `a < 0` there are two intervals: the one that extends to
+    /// minus infinity is returned with `before`, the other without.
     pub(super) fn quadric(a: f64, b: f64, c: f64, face: u8, before: bool) -> Self {
         let span = |enter, exit| Self::between(enter, face, exit, face);
         let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -53,7 +53,7 @@ impl Span {
         if !(discriminant >= 0.0) && a > 0.0 {
             return Self::empty();
         }
-        // The smaller root as a quotient, which keeps its digits.
+        // The smaller root is computed as a quotient, which avoids cancellation.
         let q = -(b + discriminant.max(0.0).sqrt().copysign(b));
         let (one, other) = if q == 0.0 { (0.0, 0.0) } else { (q / a, c / q) };
         let (first, second) = if one < other { (one, other) } else { (other, one) };
@@ -64,7 +64,7 @@ impl Span {
         }
     }
 
-    /// The two ends, where there is anything between them.
+    /// The two ends; `None` where the interval is empty.
     pub(super) fn ends(self) -> Option<[(f64, u8); 2]> {
         (self.enter.0 < self.exit.0).then_some([self.enter, self.exit])
     }

@@ -1,3 +1,5 @@
+//! Spheres.
+
 use super::roots::{accept, nearest_to, sphere_roots};
 use super::{
     AreaSample, Patch, ShapeError, SolidAngleSample, error_bound, finite, grown, nearest_by_refining,
@@ -8,7 +10,7 @@ use crate::math::{Bounds3, Ray, unit_f64};
 use glam::{DVec3, Vec2};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// A sphere; normal outward. Surface parameters: `u` is the azimuth around the y axis over `2 pi`, from +x
+/// A sphere with outward normals. Surface parameters: `u` is the azimuth around the y axis over `2 pi`, from +x
 /// counter-clockwise as seen from above; `v` the angle from +y over `pi`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
@@ -37,12 +39,12 @@ impl Sphere {
         4.0 * PI * self.radius * self.radius
     }
 
-    /// The smallest box around the sphere, but for rounding.
+    /// The smallest box around the sphere, grown by rounding.
     pub fn bounds(&self) -> Bounds3 {
         grown(Bounds3 { min: self.center - self.radius, max: self.center + self.radius })
     }
 
-    /// A point uniform over the area.
+    /// Samples a point uniformly over the area.
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let normal = unit_sphere(u);
         let pdf_area = (1.0 / self.area()) as f32;
@@ -53,38 +55,37 @@ impl Sphere {
     pub(super) fn patch(&self, low: Vec2, high: Vec2) -> Patch {
         let middle = self.sample_area(0.5 * (low + high));
         let wide = PI * f64::from(high.y - low.y) > FRAC_PI_2;
-        // On a rectangle of latitudes and longitudes the farthest point from the middle is a corner, up to a quarter
-        // turn to both sides: the cosine of the angle is then, in latitude, a hump.
+        // On a rectangle of latitudes and longitudes the farthest point from the middle is a corner, for up to a quarter turn to both
+        // sides: the cosine of the angle then has a single maximum in latitude.
         let corners = [low, high, Vec2::new(low.x, high.y), Vec2::new(high.x, low.y)];
         let angle = |u: Vec2| self.sample_area(u).normal.angle_between(middle.normal);
         let spread = if wide { PI } else { corners.into_iter().map(angle).fold(0.0, f64::max) + 1e-7 };
         Patch::around(&middle, 2.0 * self.radius * (0.5 * spread).sin(), spread)
     }
 
-    /// `1 - cos` of the half angle of the cone in which `reference` sees the sphere; `None` from inside.
+    /// `1 - cos` of the half angle of the cone of directions from `reference` to the sphere; `None` from inside.
     fn cone(&self, reference: DVec3) -> Option<f64> {
         let distance = (self.center - reference).length();
         let sin = self.radius / distance;
-        // The cosine by a product, as 1 - sin^2 cancels close to the surface.
+        // The cosine is computed by a product, as 1 - sin^2 cancels close to the surface.
         let cos = ((distance - self.radius) * (distance + self.radius)).sqrt() / distance;
         (distance > self.radius).then(|| sin * sin / (1.0 + cos))
     }
 
-    /// True where `reference` is inside, or no farther outside than `slack`: for points on the sphere that were rounded.
+    /// Whether `reference` is inside or at most `slack` outside, which allows for rounded points on the sphere.
     pub fn encloses(&self, reference: DVec3, slack: f64) -> bool {
         (reference - self.center).length() <= self.radius + slack
     }
 
-    /// Where a direction that is uniform over all directions leaves the sphere; its density is [`Self::PDF_INSIDE`]. For a
-    /// `reference` inside, and one that rounding put just outside; from there most directions away from the sphere give
-    /// `None`.
+    /// Samples a direction uniformly over all directions and returns the point where it leaves the sphere. The density is
+    /// [`Self::PDF_INSIDE`]. `reference` is inside, or just outside by rounding; then most directions away from the sphere give `None`.
     pub fn sample_inside(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         let (offset, direction) = (reference - self.center, unit_sphere(u));
         let distance = offset.length();
         let along = offset.dot(direction);
         let gap = (self.radius - distance) * (self.radius + distance);
         let root = (along * along + gap).sqrt();
-        // The larger root; as a quotient where the difference would cancel. NaN where the sphere is missed.
+        // The larger root, computed as a quotient where the difference would cancel. It is NaN where the direction misses the sphere.
         let t = if along > 0.0 { gap / (along + root) } else { root - along };
         if !(t > 0.0) {
             return None;
@@ -97,8 +98,8 @@ impl Sphere {
     /// Density per solid angle of [`Self::sample_inside`].
     pub const PDF_INSIDE: f32 = (0.25 / PI) as f32;
 
-    /// A point of the visible cap, uniform over the solid angle that the sphere covers, which from inside or on the surface
-    /// is everything. Stable for spheres that cover 1e-30 sr and for references that touch.
+    /// Samples a point of the visible cap, uniformly over the solid angle of the sphere. From inside or on the surface that is the full
+    /// solid angle. The computation is stable for spheres of 1e-30 sr and for references on the surface.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         let Some(one_minus_cos) = self.cone(reference) else {
             return self.sample_inside(reference, u);
@@ -108,8 +109,7 @@ impl Sphere {
         let axis = away / distance;
         let drop = f64::from(u.x) * one_minus_cos;
         let sin_squared = drop * (2.0 - drop);
-        // Along the direction at this angle from the axis, the nearer intersection: the smaller root as a
-        // quotient.
+        // The nearer intersection along the direction at this angle from the axis: the smaller root, computed as a quotient.
         let chord = (self.radius * self.radius - distance * distance * sin_squared).max(0.0).sqrt();
         let gap = (distance - self.radius) * (distance + self.radius);
         let t = gap / (distance * (1.0 - drop) + chord);
@@ -127,14 +127,14 @@ impl Sphere {
     pub fn pdf_solid_angle(&self, reference: DVec3, position: DVec3) -> f32 {
         match self.cone(reference) {
             Some(one_minus_cos) => cone_density(one_minus_cos).unwrap_or(0.0),
-            // No direction leads from a point to itself.
+            // There is no direction from a point to itself.
             None if position == reference => 0.0,
             None => Self::PDF_INSIDE,
         }
     }
 }
 
-/// A direction uniform over the sphere.
+/// Samples a direction uniformly over the sphere.
 fn unit_sphere(u: Vec2) -> DVec3 {
     let drop = 2.0 * f64::from(u.x);
     let sin = (drop * (2.0 - drop)).sqrt();
@@ -155,7 +155,7 @@ impl Procedural for Sphere {
 
     fn may_be_in(&self, _primitive: u32, region: &Bounds3) -> bool {
         let (low, high) = region.distances(self.center);
-        // Rounding of the distances.
+        // Tolerance for the rounding of distances.
         let room = 1e-12 * (self.radius + high);
         low - room <= self.radius && self.radius <= high + room
     }
@@ -181,7 +181,7 @@ impl Procedural for Sphere {
         let t = sphere_roots(offset, direction, self.radius)
             .and_then(|roots| nearest_to(t, roots))
             .unwrap_or(f64::from(t));
-        // Only the direction from the centre counts: the point goes back onto the surface along it.
+        // The point is projected onto the surface along its direction from the centre.
         let normal = unit_f64(offset + t * direction).unwrap_or(DVec3::Y);
         let azimuth = (-normal.z).atan2(normal.x) / TAU;
         let polar = normal.x.hypot(normal.z).atan2(normal.y) / PI;

@@ -1,3 +1,5 @@
+//! Terrain: bilinear surfaces over height grids.
+
 use super::roots::accept;
 use super::{ShapeError, error_bound, grown, nearest_by_refining};
 use crate::embree::{ObjectHit, Procedural, SurfacePoint};
@@ -7,35 +9,35 @@ use glam::{DAffine3, DVec2, DVec3, IVec2, UVec2, Vec2};
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Heights over a square grid, with the least and greatest of ever larger squares.
+/// Heights over a square grid, with the minima and maxima of a hierarchy of squares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeightGrid {
     /// Cells along each side.
     cells: u32,
-    /// By row along z, then x: one more than cells.
+    /// Heights of corners by row along z, then x; each side has one more corner than cells.
     heights: Vec<f32>,
-    /// Least and greatest height of squares of 4, 8, 16, 32 cells, by row.
+    /// Minimum and maximum height of squares of 4, 8, 16, 32 cells, by row.
     extremes: [Vec<[f32; 2]>; LEVELS],
 }
 
-/// What makes the heights of a landscape: the turbulence of Perlin, sampled at the corners of the grid (Jensen &
-/// Christensen 1995, section 5).
+/// Parameters of a noise landscape: Perlin's turbulence at the corners of the grid (Jensen & Christensen 1995, section 5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TerrainNoise {
-    /// Largest features along one side.
+    /// Number of the largest features along one side.
     pub features: f64,
-    /// Number of octaves, each of half the size of the one before; none is finer than two cells.
+    /// Number of octaves, each of half the wavelength of the one before; none is finer than two cells.
     pub octaves: u32,
-    /// Which landscape.
+    /// Seed of the landscape.
     pub seed: u32,
-    /// Turns the creases of turbulence upward.
+    /// Whether the creases of turbulence point upward.
     pub ridges: bool,
 }
 
-/// Sizes of squares in cells, and how many.
+/// Side length of the smallest squares, in cells.
 const SMALLEST: u32 = 4;
+/// Number of levels of squares.
 const LEVELS: usize = 4;
-/// Cells along a primitive.
+/// Side length of a primitive, in cells.
 const BLOCK: u32 = SMALLEST << (LEVELS - 1);
 
 impl HeightGrid {
@@ -71,7 +73,7 @@ impl HeightGrid {
         let size = 1.0 / noise.features;
         let finest =
             (size * 0.5f64.powi(noise.octaves.saturating_sub(1).min(30) as i32)).max(2.0 / f64::from(cells));
-        // An octave of just the finest wavelength has faded away: half of it keeps the last whole.
+        // An octave at exactly the finest wavelength would have faded away; half of that wavelength keeps the last octave whole.
         let octaves = Octaves { size, finest: 0.5 * finest, seed: noise.seed };
         let side = cells_checked + 1;
         let raw: Vec<f64> = (0..side * side)
@@ -79,7 +81,7 @@ impl HeightGrid {
             .map(|corner| {
                 let p =
                     DVec2::new(f64::from(corner % side), f64::from(corner / side)) / f64::from(cells_checked);
-                // Off the lattice of the first octave, on which all noise is zero.
+                // The offset avoids the lattice of the first octave, on which all noise is zero.
                 let turbulence = octaves.turbulence(p.extend(0.37 * size), 0.0);
                 if noise.ridges { -turbulence } else { turbulence }
             })
@@ -95,13 +97,13 @@ impl HeightGrid {
         self.cells
     }
 
-    /// Least and greatest height.
+    /// Minimum and maximum height.
     pub fn range(&self) -> [f32; 2] {
         let whole = self.extremes[LEVELS - 1].iter();
         whole.fold([f32::INFINITY, f32::NEG_INFINITY], |[a, b], &[low, high]| [a.min(low), b.max(high)])
     }
 
-    /// Bytes that this grid takes.
+    /// Bytes of memory of this grid.
     pub fn memory(&self) -> usize {
         let extremes: usize = self.extremes.iter().map(|level| size_of_val(level.as_slice())).sum();
         size_of::<Self>() + size_of_val(self.heights.as_slice()) + extremes
@@ -117,7 +119,7 @@ impl HeightGrid {
         self.heights[z as usize * (self.cells as usize + 1) + x as usize]
     }
 
-    /// Least and greatest height of a square.
+    /// Minimum and maximum height of a square.
     fn extremes(&self, level: usize, square: UVec2) -> [f64; 2] {
         let count = self.cells.div_ceil(SMALLEST << level);
         self.extremes[level][(square.y * count + square.x) as usize].map(f64::from)
@@ -130,7 +132,7 @@ impl HeightGrid {
         [a, right - a, up - a, both - right - up + a]
     }
 
-    /// Slope at a corner, from its neighbours.
+    /// Slope at a corner, from the heights of its neighbours.
     fn corner_slope(&self, corner: UVec2) -> DVec2 {
         let UVec2 { x, y: z } = corner;
         let slope = |low: (u32, u32), high: (u32, u32), steps: u32| {
@@ -142,12 +144,10 @@ impl HeightGrid {
     }
 }
 
-/// A height grid in space: a bilinear surface over each cell, with normals that are smoothed across cells. Normals point
-/// up.
+/// A height grid in space: a bilinear surface over each cell, with shading normals that are smoothed across cells. Normals point up.
 ///
-/// Its own space is that of the grid: x and z count cells and y is the height; rays are taken there in `f64`, whatever
-/// the transform. Embree sorts blocks of 32 by 32 cells; inside of those, rays descend from larger to smaller squares and pass
-/// over all whose heights they do not reach.
+/// In grid space, x and z count cells and y is the height. Rays are transformed to it in `f64`. Embree sorts blocks of 32 by 32 cells.
+/// Within a block, rays descend from larger to smaller squares and skip those whose heights they do not reach.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Terrain {
     grid: Arc<HeightGrid>,
@@ -155,7 +155,7 @@ pub struct Terrain {
     to_grid: DAffine3,
 }
 
-/// A ray in the grid's space.
+/// A ray in grid space.
 struct GridRay {
     origin: DVec3,
     direction: DVec3,
@@ -163,7 +163,7 @@ struct GridRay {
 }
 
 impl GridRay {
-    /// Where `low <= coordinate <= high`, within `span`.
+    /// The part of `span` with `low <= coordinate <= high`.
     #[inline]
     fn clip(&self, axis: usize, low: f64, high: f64, span: [f64; 2]) -> [f64; 2] {
         let a = (low - self.origin[axis]) * self.inverse[axis];
@@ -172,11 +172,11 @@ impl GridRay {
     }
 }
 
-/// How far beyond its cell a patch is met, in cells, so that nothing passes between two.
+/// Extension of each patch beyond its cell, in cells, so that no ray passes between two patches.
 const OVERLAP: f64 = 1e-9;
 
 impl Terrain {
-    /// The grid under a transform from its own space (cells along x and z, heights along y).
+    /// The grid under a transform from grid space (cells along x and z, heights along y).
     pub fn new(grid: Arc<HeightGrid>, to_object: DAffine3) -> Result<Self, ShapeError> {
         let to_grid = to_object.inverse();
         if !(to_object.is_finite() && to_grid.is_finite()) {
@@ -185,7 +185,7 @@ impl Terrain {
         Ok(Self { grid, to_object, to_grid })
     }
 
-    /// A box around the whole.
+    /// A bounding box of the terrain.
     pub fn bounds(&self) -> Bounds3 {
         (0..self.primitive_count())
             .fold(Bounds3::EMPTY, |all, block| all.union(Procedural::bounds(self, block)))
@@ -199,7 +199,7 @@ impl Terrain {
     fn ray(&self, ray: &Ray) -> Option<GridRay> {
         let origin = self.to_grid.transform_point3(ray.origin.as_dvec3());
         let direction = self.to_grid.transform_vector3(ray.direction.as_dvec3());
-        // A finite stand-in for 1/0, as 0 * infinity would be NaN.
+        // A finite value in place of 1/0, as 0 * infinity would be NaN.
         let inverse = direction.to_array().map(|d| if d == 0.0 { 1e300 } else { 1.0 / d });
         let fine = origin.is_finite() && direction.is_finite() && direction != DVec3::ZERO;
         fine.then_some(GridRay { origin, direction, inverse: inverse.into() })
@@ -210,8 +210,8 @@ impl Terrain {
         UVec2::new(primitive % count, primitive / count)
     }
 
-    /// Calls `found` with the parameters of hits in a square and in `span`, in order, until it returns false.
-    /// Returns false where it did.
+    /// Calls `found` with the parameters of hits in a square and in `span`, in order, until it returns false. Then this function returns
+    /// false too.
     fn walk(
         &self,
         ray: &GridRay,
@@ -226,7 +226,7 @@ impl Terrain {
         let [least, greatest] = self.grid.extremes(level, square);
         let flat = ray.clip(0, f64::from(low.x), f64::from(high.x), span);
         let flat = ray.clip(2, f64::from(low.y), f64::from(high.y), flat);
-        // Of a level surface the slab has no thickness: rounding must not lose it.
+        // The slab of a level surface has no thickness; the margin keeps rounding from losing it.
         let margin = 1e-12 * (least.abs() + greatest.abs()) + f64::MIN_POSITIVE;
         let inside = ray.clip(1, least - margin, greatest + margin, flat);
         if !(inside[0] <= inside[1]) {
@@ -236,7 +236,7 @@ impl Terrain {
             return self.cells(ray, low, high, inside, found);
         }
         let first = UVec2::new(u32::from(ray.direction.x < 0.0), u32::from(ray.direction.z < 0.0));
-        // No ray passes both squares between the nearest and the farthest.
+        // A ray passes at most one of the two squares between the nearest and the farthest.
         for step in [UVec2::new(0, 0), UVec2::new(1, 0), UVec2::new(0, 1), UVec2::new(1, 1)] {
             let child = square * 2 + (first ^ step);
             if (child * (size / 2)).cmplt(UVec2::splat(self.grid.cells)).all()
@@ -248,7 +248,7 @@ impl Terrain {
         true
     }
 
-    /// [`Self::walk`] cell by cell.
+    /// Does the work of [`Self::walk`] cell by cell.
     fn cells(
         &self,
         ray: &GridRay,
@@ -289,7 +289,7 @@ impl Terrain {
         }
     }
 
-    /// [`Self::walk`] in one cell.
+    /// Does the work of [`Self::walk`] in one cell.
     #[inline]
     fn patch(
         &self,
@@ -302,7 +302,7 @@ impl Terrain {
         let p = ray.origin + start * ray.direction;
         let d = ray.direction;
         let (u, v) = (p.x - f64::from(cell.x), p.z - f64::from(cell.y));
-        // Height of the ray over the surface, a parabola of the way from `start`.
+        // The height of the ray above the surface is a parabola in the parameter from `start`.
         let f0 = p.y - (a + b * u + (c + e * u) * v);
         let f1 = d.y - (b * d.x + c * d.z + e * (u * d.z + v * d.x));
         let f2 = -e * d.x * d.z;
@@ -328,7 +328,7 @@ impl Terrain {
         let ray = self.ray(ray)?;
         let mut nearest = None;
         self.walk(&ray, LEVELS - 1, self.block(primitive), [low.max(0.0), high], &mut |t| {
-            // Where patches overlap, one may be met a little before the start.
+            // Where patches overlap, a hit may lie slightly before the start.
             let counts = t > 0.0 && t >= low && t <= high;
             if counts {
                 nearest = Some(t);
@@ -368,7 +368,7 @@ impl Procedural for Terrain {
         let span = [0.0, f64::from(ray.t_max)];
         let across = grid_ray.direction.x.abs().max(grid_ray.direction.z.abs());
         self.walk(&grid_ray, LEVELS - 1, self.block(primitive), span, &mut |t| {
-            // The overlap of two patches may hold a hit of both.
+            // Both patches may report the same hit in their overlap.
             if (t - last) * across > 4.0 * OVERLAP || across == 0.0 {
                 hits.extend(accept(t, ray.t_max));
             }
@@ -378,7 +378,7 @@ impl Procedural for Terrain {
     }
 
     fn refine(&self, primitive: u32, ray: &Ray, t: f32) -> SurfacePoint {
-        /// Relative distance within which the hit must lie: room for an instance's rounding.
+        /// Relative tolerance of the parameter, for the rounding of an instance's transform.
         const SAME: f64 = 1e-5;
         let rounded = f64::from(t);
         let t = self.find(primitive, ray, rounded * (1.0 - SAME), rounded * (1.0 + SAME)).unwrap_or(rounded);
@@ -390,7 +390,7 @@ impl Procedural for Terrain {
         let (u, v) = (x - f64::from(cell.x), z - f64::from(cell.y));
         let [a, b, c, e] = self.grid.patch(cell);
         let up = |slope: DVec2| {
-            // A normal goes by the inverse transpose.
+            // Normals transform by the inverse transpose.
             unit_f64(self.to_grid.matrix3.transpose() * DVec3::new(-slope.x, 1.0, -slope.y))
                 .unwrap_or(DVec3::Y)
         };

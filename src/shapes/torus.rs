@@ -1,19 +1,19 @@
-//! Where a line meets a torus.
+//! Intersection of a line with a torus.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-/// A polynomial of degree 4, by rising powers.
+/// Coefficients of a polynomial of degree 4, in ascending powers.
 type Quartic = [f64; 5];
 
 /// Parameters, ascending, at which the line `p + s u` meets the torus around the z axis with the radii 1 (of its middle
-/// circle) and `minor`, below 1. `u` is a unit vector and `p` the line's closest point to zero. Always an even number: the
-/// line comes from outside and ends there.
+/// circle) and `minor`, below 1. `u` is a unit vector and `p` the line's closest point to the origin. The number of roots is even, as the
+/// line starts and ends outside.
 ///
-/// Between neighbouring zeros of its derivative a polynomial is monotone, so each stretch with a change of sign holds
-/// exactly one root, found by bisection and Newton's method; the zeros of the derivative come the same way from
-/// those of the second, which are explicit. Nothing diverges, and no root is met twice or lost for good: where two lie
-/// closer than rounding, both are there or neither.
+/// Between neighbouring zeros of its derivative a polynomial is monotone, so each interval with a change of sign has exactly one root. It
+/// is found by bisection and Newton's method. The zeros of the derivative are found in the same way from those of the second derivative,
+/// which are explicit. The method never diverges, and no single root is found twice or lost: two roots closer than rounding are both
+/// found or both missed.
 pub(super) fn torus_roots(p: DVec3, u: DVec3, minor: f64) -> ArrayVec<f64, 4> {
     let mut roots = ArrayVec::new();
     let reach_squared = (1.0 + minor) * (1.0 + minor) - p.length_squared();
@@ -30,7 +30,7 @@ pub(super) fn torus_roots(p: DVec3, u: DVec3, minor: f64) -> ArrayVec<f64, 4> {
         0.0,
         1.0,
     ];
-    // A little beyond the bounding sphere, where f is positive however it rounds.
+    // Slightly beyond the bounding sphere, where f is positive in spite of rounding.
     let end = reach_squared.sqrt() * (1.0 + 1e-9) + 1e-9;
     let df: Quartic = [f[1], 2.0 * f[2], 0.0, 4.0, 0.0];
     let bend = (-f[2] / 6.0).max(0.0).sqrt().min(end);
@@ -44,13 +44,13 @@ pub(super) fn torus_roots(p: DVec3, u: DVec3, minor: f64) -> ArrayVec<f64, 4> {
         }
     });
     if roots.len() % 2 == 1 {
-        // Only where rounding made f negative at an end: a line that touches the outermost circle.
+        // This occurs only where rounding makes f negative at an end, for a line that touches the outermost circle.
         roots.pop();
     }
     roots
 }
 
-/// Calls `found` for the root in each stretch between neighbouring `stops` at whose ends `f` has different signs.
+/// Calls `found` for the root in each interval between neighbouring `stops` at whose ends `f` has different signs.
 fn between_signs(f: &Quartic, stops: &[f64], mut found: impl FnMut(f64)) {
     for pair in stops.windows(2) {
         let (low, high) = (pair[0], pair[1]);
@@ -61,8 +61,8 @@ fn between_signs(f: &Quartic, stops: &[f64], mut found: impl FnMut(f64)) {
     }
 }
 
-/// The root of `f` in `[low, high]`, which rises there if `rises`: Newton's method, with bisection where it leaves
-/// the bracket or is slow.
+/// The root of `f` in `[low, high]`, where `f` increases if `rises` is true. It uses Newton's method, and bisection where that leaves the
+/// bracket.
 fn bracketed(f: &Quartic, mut low: f64, mut high: f64, rises: bool) -> f64 {
     let mut s = 0.5 * (low + high);
     for _ in 0..100 {
@@ -89,14 +89,14 @@ fn value(f: &Quartic, s: f64) -> (f64, f64) {
     (y, slope)
 }
 
-/// One step of Newton's method on the distance from the middle circle, which is better conditioned than the quartic
-/// where the ring is thin.
+/// One step of Newton's method on the squared distance from the middle circle, which is better conditioned than the quartic for a thin
+/// torus.
 fn polished(p: DVec3, u: DVec3, minor: f64, s: f64) -> f64 {
     let x = p + s * u;
     let radius = x.truncate().length();
     let (off, slope) = (radius - 1.0, x.truncate().dot(u.truncate()) / radius);
     let y = off.mul_add(off, x.z * x.z) - minor * minor;
     let step = y / (2.0 * (off * slope + x.z * u.z));
-    // Where the line grazes, the step means nothing.
+    // Where the line grazes the surface, the step is unreliable.
     if step.abs() < 1e-6 { s - step } else { s }
 }

@@ -1,9 +1,11 @@
+//! Triangles of emitting meshes.
+
 use super::{AreaSample, Patch, ShapeError, SolidAngleSample, finite, seen_from, solid_angle_density};
 use crate::math::{Bounds3, unit_f64};
 use crate::sampling::warp::square_to_triangle;
 use glam::{DVec2, DVec3, Vec2};
 
-/// One triangle of an emitting mesh: sampled here, intersected by Embree.
+/// One triangle of an emitting mesh. It is sampled here and intersected by Embree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     corner: DVec3,
@@ -14,8 +16,8 @@ pub struct Triangle {
 }
 
 impl Triangle {
-    /// The triangle with these corners, counter-clockwise as seen from the side of the normal. A mesh may
-    /// hold triangles without area: leave those out.
+    /// The triangle with these corners, counter-clockwise as seen from the side of the normal. Callers must leave out triangles of a mesh
+    /// without area.
     pub fn new(a: DVec3, b: DVec3, c: DVec3) -> Result<Self, ShapeError> {
         let (corner, edge_b, edge_c) = (finite(a)?, finite(b)? - a, finite(c)? - a);
         let cross = finite(edge_b.cross(edge_c))?;
@@ -38,7 +40,7 @@ impl Triangle {
         Bounds3::of_points([self.corner, self.corner + self.edge_b, self.corner + self.edge_c])
     }
 
-    /// A point uniform over the area.
+    /// Samples a point uniformly over the area.
     #[inline]
     pub fn sample_area(&self, u: Vec2) -> AreaSample {
         let barycentric = square_to_triangle(u).as_dvec2();
@@ -55,13 +57,13 @@ impl Triangle {
 
     /// See [`super::EmitterShape::patch`].
     pub(super) fn patch(&self, middle: &AreaSample, half: DVec2) -> Patch {
-        // The map from the square is linear on both sides of its diagonal; the larger slope of the two.
+        // The map from the square is linear on each side of its diagonal; the bound uses the larger slope.
         let (b, c) = (self.edge_b.length(), self.edge_c.length());
         let across = 0.5 * (self.edge_b - self.edge_c).length();
         Patch::around(middle, half.x * across.max(b) + half.y * across.max(c), 0.0)
     }
 
-    /// A point uniform over the area, with its density per solid angle.
+    /// Samples a point uniformly over the area, with its density per solid angle.
     pub fn sample_solid_angle(&self, reference: DVec3, u: Vec2) -> Option<SolidAngleSample> {
         seen_from(reference, self.sample_area(u), self.area)
     }

@@ -1,42 +1,43 @@
-//! How much of the pictures of a scene lies in memory.
+//! Memory budget of the pictures of a scene.
 
 use super::ImageTexture;
 use crate::image_io::{self, Image, ImageError, set_tile_memory};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What [`TextureBudget::new`] starts with unless told otherwise: 1 GB.
+/// Default memory budget of textures, in bytes: 1 GB.
 pub const DEFAULT_TEXTURE_MEMORY: u64 = 1_000_000_000;
 
-/// Part of that which the cache of tiles has for all that does not fit.
+/// The tile cache, for textures that do not fit, gets the budget divided by this number.
 const TILE_SHARE: u64 = 4;
 
-/// Less than this in the cache would read the same tiles again and again.
+/// Least memory of the tile cache, in bytes. With less it would read the same tiles repeatedly.
 const LEAST_TILE_MEMORY: u64 = 1 << 24;
 
 static TEXTURE_MEMORY: AtomicU64 = AtomicU64::new(DEFAULT_TEXTURE_MEMORY);
 
-/// Sets how many bytes the pictures of one mesh file or scene may take from now on, for the whole process. Those that do not fit
-/// are read by tiles, of which a quarter of that is kept, at least 16 MiB. No value changes by it, to the bit.
+/// Sets the memory budget in bytes of the pictures of one mesh file or scene, for the whole process. Pictures that do not fit are read
+/// by tiles through a cache of a quarter of the budget, at least 16 MiB. The budget does not change any texture value, to the bit.
 pub fn set_texture_memory(bytes: u64) {
     TEXTURE_MEMORY.store(bytes, Ordering::Relaxed);
 }
 
 static PICTURE_MEMORY: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// Bytes that decoding takes for each value of a picture: twice what it holds.
+/// Bytes that decoding takes for each value of a picture: twice the size of the value.
 const DECODING: u64 = 8;
 
-/// Sets how many bytes decoding one picture may take from now on, for the whole process. A picture tells its size in its first
-/// bytes, so that one that takes more is refused before it is decoded.
+/// Sets the memory limit in bytes for decoding one picture, for the whole process. The first bytes of a picture state its size, so a
+/// picture that needs more is refused before it is decoded.
 pub fn set_picture_memory(bytes: u64) {
     PICTURE_MEMORY.store(bytes, Ordering::Relaxed);
 }
 
-/// Reads a picture of at most `most` values by `read`, or fewer where less memory is allowed for it.
+/// Reads a picture of at most `most` values with `read`, or of fewer where the memory limit is lower. `read` gets the allowed number of
+/// values.
 ///
 /// # Errors
-/// Those of `read`, which gets the number of values that are allowed; [`ImageError::Memory`] where memory is what limits it.
+/// The errors of `read`, or [`ImageError::Memory`] where the picture exceeds the memory limit.
 fn within_memory(
     most: u64,
     read: impl FnOnce(u64) -> Result<Image, ImageError>,
@@ -51,23 +52,23 @@ fn within_memory(
     })
 }
 
-/// As [`image_io::read_with_limit`], for pictures of a scene: within the memory that is allowed.
+/// Reads a picture of a scene as [`image_io::read_with_limit`] does, within the memory limit.
 ///
 /// # Errors
-/// As there, and [`ImageError::Memory`].
+/// The errors of that function, and [`ImageError::Memory`].
 pub fn read_picture(path: &Path, most: u64) -> Result<Image, ImageError> {
     within_memory(most, |limit| image_io::read_with_limit(path, limit))
 }
 
-/// As [`image_io::read_bytes`], for pictures of a scene: within the memory that is allowed.
+/// Reads a picture of a scene as [`image_io::read_bytes`] does, within the memory limit.
 ///
 /// # Errors
-/// As there, and [`ImageError::Memory`].
+/// The errors of that function, and [`ImageError::Memory`].
 pub fn read_picture_bytes(bytes: &[u8], name: &Path, most: u64) -> Result<Image, ImageError> {
     within_memory(most, |limit| image_io::read_bytes(bytes, name, limit))
 }
 
-/// What is left for the pictures of one file.
+/// Remaining memory for the pictures of one file.
 #[derive(Debug)]
 pub struct TextureBudget {
     left: u64,
@@ -81,16 +82,16 @@ impl Default for TextureBudget {
 }
 
 impl TextureBudget {
-    /// So many bytes.
+    /// A budget of this many bytes.
     pub fn new(bytes: u64) -> Self {
         Self { left: bytes, tiles: (bytes / TILE_SHARE).max(LEAST_TILE_MEMORY) }
     }
 
-    /// The texture as it is where there is room for it, and otherwise by tiles, see [`ImageTexture::out_of_memory`]; messages call
-    /// it `name`.
+    /// Returns the texture unchanged where it fits into the budget. Otherwise moves it to a file that is read by tiles, see
+    /// [`ImageTexture::out_of_memory`]; messages call it `name`.
     ///
     /// # Errors
-    /// As [`ImageTexture::out_of_memory`].
+    /// If the tile cache cannot be set up, or as for [`ImageTexture::out_of_memory`].
     pub fn take(&mut self, texture: ImageTexture, name: &Path) -> Result<ImageTexture, ImageError> {
         let bytes = texture.bytes() as u64;
         if bytes > 0 && bytes <= self.left {

@@ -1,4 +1,4 @@
-//! Textures from pictures: texels in levels, each half as large as the one before, filtered when looked up.
+//! Textures from pictures: a pyramid of levels, each half as large as the one before, filtered on lookup.
 
 use super::budget::{read_picture, read_picture_bytes};
 use super::tiles::TiledTexels;
@@ -7,39 +7,39 @@ use glam::{Vec2, Vec4};
 use std::path::Path;
 use std::sync::OnceLock;
 
-/// Most values (width times height times channels) of a picture that is read as a texture, unless its file has tiles and levels:
-/// 2^28, four channels of 8192 x 8192 texels. Decoding takes eight bytes for each.
+/// Most values (width times height times channels) of a picture that is read as a texture, unless its file has tiles and levels. The
+/// limit is 2^28, four channels of 8192 x 8192 texels. Decoding takes eight bytes per value.
 pub const TEXTURE_LIMIT: u64 = 1 << 28;
 
-/// How coordinates outside of `[0, 1]` are brought back, along one axis.
+/// Wrapping of coordinates outside `[0, 1]` along one axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
-    /// The picture again and again.
+    /// The picture repeats.
     #[default]
     Repeat,
-    /// Again and again, every other time mirrored.
+    /// The picture repeats; every other copy is mirrored.
     Mirror,
-    /// The texels of the border.
+    /// The texels of the edge continue.
     Clamp,
 }
 
-/// How texels become a value.
+/// Wrapping and filtering of a lookup.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sampler {
-    /// Along u and v.
+    /// Wrapping along u and v.
     pub wrap: [Wrap; 2],
-    /// The nearest texel, instead of the four around weighted.
+    /// Use the nearest texel instead of bilinear interpolation of four.
     pub nearest: bool,
-    /// Only the finest level, however small a texel is seen.
+    /// Use the finest level only, whatever the footprint.
     pub finest: bool,
 }
 
-/// What the numbers of a picture stand for.
+/// Encoding of the values of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// Red, green and blue are encoded by the curve of sRGB (IEC 61966-2-1); alpha is linear.
     Srgb,
-    /// All channels as they are.
+    /// All channels are linear.
     Linear,
 }
 
@@ -47,7 +47,7 @@ pub enum Encoding {
 enum Texels {
     /// Eight bits for each channel, in the encoding of the texture.
     Bytes(Vec<[u8; 4]>),
-    /// Sixteen, always linear: pictures with more than eight.
+    /// Sixteen bits for each channel, always linear: for pictures with more than eight.
     Words(Vec<[u16; 4]>),
 }
 
@@ -58,17 +58,17 @@ struct Level {
     texels: Texels,
 }
 
-/// Where the levels of a texture are.
+/// Storage of the levels of a texture.
 #[derive(Clone, Debug, PartialEq)]
 enum Source {
-    /// In memory, the finest first.
+    /// In memory, with the finest level first.
     Memory(Vec<Level>),
-    /// In a file, of which a cache holds what was looked at last.
+    /// In a file; a cache holds the tiles of the latest lookups.
     Tiles(TiledTexels),
 }
 
-/// A texture of four channels between 0 and 1. One channel in the file is grey, a second one alpha; alpha is 1 where there
-/// is none.
+/// A texture of four channels between 0 and 1. A single channel in the file is grey, and a second one is alpha. Alpha is 1 where the file
+/// has none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageTexture {
     source: Source,
@@ -77,13 +77,13 @@ pub struct ImageTexture {
     mean: Vec4,
 }
 
-/// Radiance of sRGB's numbers, by byte.
+/// Linear values of sRGB bytes.
 pub(super) fn srgb_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|byte| decode_srgb(byte as f32 / 255.0)))
 }
 
-/// The linear value of a number in sRGB (IEC 61966-2-1), both in `[0, 1]`.
+/// The linear value of an sRGB value (IEC 61966-2-1), both in `[0, 1]`.
 pub fn srgb_to_linear(x: f32) -> f32 {
     decode_srgb(x)
 }
@@ -130,8 +130,8 @@ impl Level {
         }
     }
 
-    /// Means of four texels, or of two where there is but one row or column; an odd last one is dropped, unless it is all
-    /// there is.
+    /// The next coarser level: means of four texels, or of two where there is only one row or column. An odd last row or column is
+    /// dropped, unless it is the only one.
     fn halved(&self, encoding: Encoding) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
         let mean = |x: u32, y: u32| {
@@ -178,11 +178,11 @@ fn wrapped(i: i64, size: u32, wrap: Wrap) -> u32 {
 }
 
 impl ImageTexture {
-    /// Reads a picture file. One that has tiles and levels (of `maketx`) stays where it is, and is read where it is looked at; its
-    /// encoding is what it says itself, where it does.
+    /// Reads a picture file. A file with tiles and levels (from `maketx`) stays on disk and is read on demand. Where the file states its
+    /// encoding, that one is used.
     ///
     /// # Errors
-    /// As [`super::read_picture`].
+    /// As for [`super::read_picture`].
     pub fn read(path: &Path, encoding: Encoding) -> Result<Self, ImageError> {
         if let Some(image) = TiledImage::open(path)? {
             let tiles = TiledTexels::new(image, encoding);
@@ -192,15 +192,15 @@ impl ImageTexture {
         Ok(Self::new(&read_picture(path, TEXTURE_LIMIT)?, encoding))
     }
 
-    /// Reads a picture that lies in memory; messages call it `name`.
+    /// Reads a picture from memory; messages call it `name`.
     ///
     /// # Errors
-    /// As [`super::read_picture`].
+    /// As for [`super::read_picture`].
     pub fn from_bytes(bytes: &[u8], name: &Path, encoding: Encoding) -> Result<Self, ImageError> {
         Ok(Self::new(&read_picture_bytes(bytes, name, TEXTURE_LIMIT)?, encoding))
     }
 
-    /// The first layer of a picture. Values out of `[0, 1]` are cut, NaN counts as 0.
+    /// A texture from the first layer of a picture. Values outside `[0, 1]` are clamped; NaN becomes 0.
     pub fn new(image: &Image, encoding: Encoding) -> Self {
         let (data, channels) =
             image.layers.first().map_or((&[][..], 1), |layer| (&layer.data[..], layer.channels.len().max(1)));
@@ -216,7 +216,7 @@ impl ImageTexture {
         };
         let pixels =
             || data.chunks_exact(channels).map(pixel).map(|v| v.map(|x| if x.is_nan() { 0.0 } else { x }));
-        // Eight bits are left as they are; anything finer gets sixteen.
+        // Pictures of eight bits stay so; finer ones get sixteen.
         let is_bytes = pixels().all(|v| ((v * 255.0).round() / 255.0 - v).abs().max_element() < 1e-6);
         let texels = if is_bytes {
             Texels::Bytes(pixels().map(|v| v.to_array().map(|x| (x * 255.0).round() as u8)).collect())
@@ -249,17 +249,17 @@ impl ImageTexture {
         Self { source: Source::Memory(levels), encoding, least, mean }
     }
 
-    /// The same texture with its texels in a file that is gone with it, of which no more lies in memory than what was looked at
-    /// last. Every value stays as it is, to the bit. `name` is for messages.
+    /// The same texture with its texels in a temporary file, which is deleted with it. A cache holds only the tiles of the latest lookups.
+    /// All values stay the same, to the bit. `name` is for messages.
     ///
     /// # Errors
-    /// As [`TiledImage::from_bytes`].
+    /// As for [`TiledImage::from_bytes`].
     pub fn out_of_memory(self, name: &Path) -> Result<Self, ImageError> {
         let Source::Memory(levels) = &self.source else { return Ok(self) };
         let sizes = levels.iter().map(|level| [level.width, level.height]);
         let bytes = || levels.iter().map_while(|level| level.texels.as_bytes());
         let words = || levels.iter().map_while(|level| level.texels.as_words());
-        // Levels are all of one kind.
+        // All levels have the same number of bits.
         let (image, stored) = if bytes().count() == levels.len() {
             (TiledImage::from_bytes(name, bytes().zip(sizes))?, self.encoding)
         } else {
@@ -290,7 +290,7 @@ impl ImageTexture {
         }
     }
 
-    /// Memory that texels take, but for those in the cache of tiles.
+    /// Bytes of memory of the texels, without those in the tile cache.
     pub fn bytes(&self) -> usize {
         match &self.source {
             Source::Memory(levels) => levels.iter().map(Level::bytes).sum(),
@@ -308,8 +308,8 @@ impl ImageTexture {
         self.mean
     }
 
-    /// The value at `uv`, whose origin is the upper left corner of the picture. `width` is how many texels of the finest level
-    /// the place that is looked up covers, along a side: up to 1 that level is read, above it the two levels around, weighted.
+    /// The value at `uv`, whose origin is the upper left corner of the picture. `width` is the side length of the footprint in texels of
+    /// the finest level. Up to 1 that level is used; above, the two nearest levels are interpolated.
     #[inline]
     pub fn at(&self, uv: Vec2, width: f32, sampler: &Sampler) -> Vec4 {
         let uv = if uv.is_finite() { uv } else { Vec2::ZERO };
@@ -328,7 +328,7 @@ impl ImageTexture {
         let size = self.size_of(level);
         let place = |axis: usize| {
             let x = f64::from(uv[axis]);
-            // Far out only the place within the picture counts; what is left of that is up to the file.
+            // Coordinates are reduced first, so that large ones do not overflow; their precision is limited by the caller's.
             let x = match sampler.wrap[axis] {
                 Wrap::Repeat => x - x.floor(),
                 Wrap::Mirror => x - 2.0 * (0.5 * x).floor(),
@@ -386,7 +386,7 @@ mod tests {
 
     #[test]
     fn colours_are_decoded_before_they_are_mixed() {
-        // Black and white: half of the light between them, whatever the encoding.
+        // Between black and white there is half of the light, whatever the encoding.
         let data = vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0];
         for encoding in [Encoding::Srgb, Encoding::Linear] {
             let texture = ImageTexture::new(&image(2, 1, &RGB, data.clone()), encoding);
@@ -427,7 +427,7 @@ mod tests {
         assert!(texture.bytes() < 64 * 64 * 4 * 4 / 3 + 16);
         let coarse = texture.at(Vec2::new(0.3, 0.7), 64.0, &Sampler::default()).x;
         assert!((coarse - texture.mean().x).abs() < 0.02, "{coarse} {}", texture.mean());
-        // Between two levels, half of each.
+        // Halfway between two levels each has half of the weight.
         let at = |width: f32| texture.at(Vec2::new(0.31, 0.62), width, &Sampler::default()).x;
         assert!((at(2f32.powf(2.5)) - 0.5 * (at(4.0) + at(8.0))).abs() < 1e-5);
         assert_eq!(at(1.0), at(0.0));
@@ -503,7 +503,7 @@ mod tests {
 
     #[test]
     fn what_goes_away_while_it_is_looked_at_is_told() {
-        // So large that not all of it is read to begin with.
+        // The picture is so large that not all of it is read at first.
         let data = vec![128.0 / 255.0; 2048 * 1024];
         let here = ImageTexture::new(&image(2048, 1024, &["Y"], data), Encoding::Linear);
         let folder = tempfile::tempdir().unwrap();

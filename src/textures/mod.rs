@@ -1,8 +1,8 @@
-//! Textures. Those from pictures are in [`ImageTexture`], whole or by tiles as [`TextureBudget`] has room; the others are solid: colours
-//! and bumps that are functions of the place in the scene, as if surfaces were cut out of a block.
+//! Textures. [`ImageTexture`] is a texture from a picture; [`TextureBudget`] decides whether it lies in memory as a whole or is read by
+//! tiles. Solid textures are colours and bumps as functions of the position in the scene, as if surfaces were cut out of a block.
 //!
-//! After Perlin, "An Image Synthesizer" (1985): noise, turbulence, and wood and marble made of them. Places are in metres of the
-//! world. All are band-limited: octaves finer than a stated length are left out, the last ones fading.
+//! Solid textures follow Perlin, "An Image Synthesizer" (1985): noise, turbulence, and wood and marble based on them. Positions are in
+//! metres of the world. All solid textures are band-limited: octaves below a given wavelength are left out, and the last octaves fade.
 
 mod budget;
 mod image;

@@ -3,14 +3,14 @@
 
 use glam::DVec3;
 
-/// Scales the largest value that the gradients below can make to about 1.
+/// Scale that brings the largest value of the gradients below to about 1.
 const SCALE: f64 = 0.97;
 
 /// Mean of the absolute value of [`noise`].
 const MEAN_OF_ABSOLUTE: f64 = 0.2135;
 
-/// Band-limited noise: mean 0, within [-1, 1], features of about one unit, zero at integer points. The same for the same
-/// `seed` and place on every machine. Places beyond 2^31 units wrap around.
+/// Band-limited noise with mean 0 in [-1, 1]. Features are about one unit large, and the value is zero at integer points. The same `seed`
+/// and position give the same value on every machine. Positions beyond 2^31 units wrap around.
 pub fn noise(p: DVec3, seed: u32) -> f64 {
     let cell = p.floor();
     let f = p - cell;
@@ -26,10 +26,10 @@ pub fn noise(p: DVec3, seed: u32) -> f64 {
     SCALE * mix(face(0), face(1), blend.z)
 }
 
-/// Product of `offset` with one of the twelve directions to the edges of a cube.
+/// Dot product of `offset` with one of the twelve directions to the edges of a cube.
 fn gradient(hash: u32, offset: DVec3) -> f64 {
     let DVec3 { x, y, z } = offset;
-    // Uniform over twelve to 1e-9.
+    // The choice is uniform over the twelve to 1e-9.
     let edge = (u64::from(hash) * 12) >> 32;
     let (a, b) = match edge >> 2 {
         0 => (x, y),
@@ -40,7 +40,7 @@ fn gradient(hash: u32, offset: DVec3) -> f64 {
     signed(a, 1) + signed(b, 2)
 }
 
-/// A mix of lattice coordinates in which every bit of the input reaches every bit of the output.
+/// Hash of lattice coordinates in which every input bit affects every output bit.
 fn hash(x: u32, y: u32, z: u32, seed: u32) -> u32 {
     let mut h = seed ^ 0x9e37_79b9;
     for word in [x, y, z] {
@@ -52,22 +52,22 @@ fn hash(x: u32, y: u32, z: u32, seed: u32) -> u32 {
     h ^ h >> 16
 }
 
-/// Sums of octaves of noise, each of half the wavelength and half the height of the one before.
+/// Sums of octaves of noise. Each octave has half the wavelength and half the amplitude of the one before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Octaves {
     /// Wavelength of the first octave.
     pub size: f64,
-    /// Octaves have no wavelength below this; the last ones fade out, from twice this on.
+    /// Least wavelength: no octave is finer, and octaves below twice this wavelength fade.
     pub finest: f64,
-    /// Which noise.
+    /// Seed of the noise.
     pub seed: u32,
 }
 
 impl Octaves {
-    /// Most octaves that are summed: a factor of 10^6 in size.
+    /// Most octaves in a sum: a factor of 10^6 in wavelength.
     const MOST: u32 = 20;
 
-    /// Wavelength over one unit, weight and number of each octave.
+    /// Wavelength, weight and number of each octave.
     fn each(&self) -> impl Iterator<Item = (f64, f64, u32)> {
         let Self { size, finest, .. } = *self;
         (0..Self::MOST).map_while(move |k| {
@@ -79,11 +79,11 @@ impl Octaves {
     }
 
     fn octave(&self, p: DVec3, wavelength: f64, k: u32) -> f64 {
-        // Each octave is another noise, so that their zeros do not fall together.
+        // Each octave has a seed of its own, so that their zeros do not coincide.
         noise(p / wavelength, self.seed.wrapping_add(k.wrapping_mul(0x6d2b_79f5)))
     }
 
-    /// The sum of the octaves after `fold`, seen by something as wide as `width`: octaves that are finer are their `mean`.
+    /// Sum of the octaves after `fold`, filtered to the footprint `width`: finer octaves are replaced by their `mean`.
     fn sum(&self, p: DVec3, width: f64, fold: impl Fn(f64) -> f64, mean: f64) -> f64 {
         let octaves = self.each().map(|(wavelength, weight, k)| match kept(wavelength, width) {
             0.0 => weight * mean,
@@ -92,19 +92,19 @@ impl Octaves {
         octaves.sum()
     }
 
-    /// Sum of signed octaves: mean 0, within [-2, 2]; seen by something as wide as `width`, 0 for all there is.
+    /// Sum of signed octaves, with mean 0 and in [-2, 2], filtered to the footprint `width` (0 for all detail).
     pub fn fractal(&self, p: DVec3, width: f64) -> f64 {
         self.sum(p, width, |value| value, 0.0)
     }
 
-    /// Perlin's turbulence: sum of absolute octaves, with creases where they change sign. In [0, 2]. `width` as for
-    /// [`Self::fractal`]; the mean stays.
+    /// Perlin's turbulence: the sum of absolute octaves, with creases where they change sign. It lies in [0, 2]. `width` is as for
+    /// [`Self::fractal`] and does not change the mean.
     pub fn turbulence(&self, p: DVec3, width: f64) -> f64 {
         self.sum(p, width, f64::abs, MEAN_OF_ABSOLUTE)
     }
 }
 
-/// How much of a wave is left for something as wide as `width`: all from two widths on, nothing up to one.
+/// Share of a wave that is kept for the footprint `width`: all of a wave of at least two widths, none up to one width.
 pub(super) fn kept(wavelength: f64, width: f64) -> f64 {
     if width > 0.0 { (wavelength / width - 1.0).clamp(0.0, 1.0) } else { 1.0 }
 }
@@ -131,7 +131,7 @@ mod tests {
             largest = largest.max(value.abs());
         }
         let (mean, deviation) = (sum / f64::from(count), (squares / f64::from(count)).sqrt());
-        // Neighbouring points are not independent; the cells are, about one for each point here.
+        // Points in one cell are not independent, but cells are; there is about one cell per point here.
         assert!(mean.abs() < 5.0 * deviation / f64::from(count).sqrt(), "{mean} of {deviation}");
         assert!(largest <= 1.0 && largest > 0.8 && (0.2..0.35).contains(&deviation), "{largest} {deviation}");
         assert!(
@@ -164,7 +164,7 @@ mod tests {
         for _ in 0..100 {
             let p = random_point(&mut rng, 10.0);
             assert_eq!(octaves(1.0).fractal(p, 0.0), noise(p, 5));
-            // Continuous in the cut-off: octaves fade instead of vanishing.
+            // The sum is continuous in the cut-off, as octaves fade.
             for k in 1..6 {
                 let finest = 0.5f64.powi(k);
                 let (below, above) = (octaves(finest * 0.999_999), octaves(finest * 1.000_001));

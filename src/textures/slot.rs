@@ -1,30 +1,31 @@
+//! Texture slots of materials, texture data of mesh vertices, and textured emission.
+
 use super::{ImageTexture, Sampler};
 use crate::math::Rgb;
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A texture as one parameter of a material reads it.
+/// A texture with the way in which one parameter of a material reads it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureSlot {
     /// The picture.
     pub texture: Arc<ImageTexture>,
-    /// How it is read.
+    /// Wrapping and filtering.
     pub sampler: Sampler,
-    /// Which of the two sets of coordinates of a mesh, 0 or 1.
+    /// Index of the set of texture coordinates of a mesh, 0 or 1.
     pub set: usize,
-    /// From the coordinates of the mesh to those of the picture.
+    /// Transform from the coordinates of the mesh to those of the picture.
     pub transform: Affine2,
 }
 
 impl TextureSlot {
-    /// Coordinates in the picture for the two sets of a mesh.
+    /// Coordinates in the picture, from the two sets of coordinates of a mesh.
     #[inline]
     pub fn coordinates(&self, sets: [Vec2; 2]) -> Vec2 {
         self.transform.transform_point2(sets[self.set.min(1)])
     }
 
-    /// The value where a mesh has these coordinates. `footprint` is the area in the picture, 1 being all of it, of what is
-    /// looked at; 0 for a point.
+    /// The value at these coordinates of a mesh. `footprint` is the area of the lookup as a share of the picture's area; 0 for a point.
     #[inline]
     pub fn at(&self, sets: [Vec2; 2], footprint: f32) -> Vec4 {
         let [width, height] = self.texture.size();
@@ -33,18 +34,18 @@ impl TextureSlot {
     }
 }
 
-/// What the vertices of a mesh have for textures; each list is empty or has one item for each vertex.
+/// Texture data of mesh vertices. Each list is empty or has one item for each vertex.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VertexData {
     /// Two sets of texture coordinates, finite.
     pub uvs: [Vec<Vec2>; 2],
-    /// Linear colours with alpha, which multiply that of the material.
+    /// Linear colours with alpha, which multiply the colour of the material.
     pub colours: Vec<Vec4>,
-    /// Tangents, zero where there is none of use, and the sign of the bitangent: 1 or -1.
+    /// Tangents (zero where there is no valid one) and the sign of the bitangent (1 or -1).
     pub tangents: Vec<(Vec3, f32)>,
 }
 
-/// Mean of the corners' values, weighted by the barycentric coordinates of the second and third.
+/// Interpolation of the corners' values; `uv` are the barycentric coordinates of the second and third corner.
 #[inline]
 fn weighted<T>([a, b, c]: [T; 3], uv: [f32; 2]) -> T
 where
@@ -88,14 +89,14 @@ impl VertexData {
     }
 }
 
-/// What multiplies the radiance of an emitter over its surface, in `[0, 1]`.
+/// Textured emission: a factor in `[0, 1]` on the radiance of an emitter over its surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Glow {
-    /// Picture.
+    /// The picture, where there is one.
     pub slot: Option<TextureSlot>,
-    /// Whether the colours of the vertices count.
+    /// Whether the colours of the vertices multiply the factor.
     pub coloured: bool,
-    /// Of the mesh that emits.
+    /// Vertex data of the emitting mesh.
     pub data: Arc<VertexData>,
 }
 
@@ -109,7 +110,7 @@ impl Glow {
         (colour * picture).truncate().clamp(Rgb::ZERO, Rgb::ONE)
     }
 
-    /// Mean factor over a triangle, about: means of the picture over nine parts of it.
+    /// Approximate mean factor over a triangle, from lookups at nine equal parts of it.
     pub fn mean(&self, triangle: [u32; 3]) -> Rgb {
         let area = self.slot.as_ref().map_or(0.0, |slot| {
             let [a, b, c] = self.data.corner_sets(triangle).map(|sets| slot.coordinates(sets));

@@ -1,68 +1,70 @@
+//! Solid textures: colours and patterns as functions of the position in space.
+
 use super::Octaves;
 use super::noise::kept;
 use crate::math::Rgb;
 use glam::{DAffine3, DVec3};
 use std::f64::consts::TAU;
 
-/// A pattern between two colours, in space.
+/// A solid texture: a pattern in space that blends two colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidTexture {
-    /// What varies.
+    /// The pattern.
     pub pattern: Pattern,
-    /// Colour where the pattern is 0.
+    /// Colour at a pattern value of 0.
     pub low: Rgb,
-    /// Colour where it is 1.
+    /// Colour at a pattern value of 1.
     pub high: Rgb,
-    /// From the world, in metres, to the texture's own space.
+    /// Transform from the world, in metres, to texture space.
     pub to_texture: DAffine3,
 }
 
-/// A function of the place with values in [0, 1].
+/// A function of the position with values in [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pattern {
-    /// Clouds: a sum of octaves.
+    /// A sum of octaves of noise, like clouds.
     Noise(Octaves),
-    /// A sum of absolute octaves, with creases.
+    /// A sum of absolute octaves, which has creases.
     Turbulence(Octaves),
-    /// Layers across the x axis that turbulence has bent.
+    /// Layers perpendicular to the x axis, distorted by turbulence.
     Marble {
-        /// What bends the layers.
+        /// Turbulence that distorts the layers.
         octaves: Octaves,
         /// Distance from one vein to the next.
         spacing: f64,
-        /// How far turbulence of 1 shifts the layers, in spacings.
+        /// Shift of the layers for a turbulence of 1, in spacings.
         distortion: f64,
-        /// Higher powers make narrower veins.
+        /// Exponent of the profile; a larger one makes narrower veins.
         sharpness: f64,
     },
-    /// Rings around the z axis, a little out of round, with fibres along it.
+    /// Rings around the z axis, distorted by noise, with fibres along the axis.
     Wood {
-        /// What bends the rings.
+        /// Noise that distorts the rings.
         octaves: Octaves,
         /// Distance from one ring to the next.
         spacing: f64,
-        /// How far noise of 1 shifts the rings, in spacings.
+        /// Shift of the rings for a noise of 1, in spacings.
         distortion: f64,
     },
 }
 
 impl Pattern {
-    /// Value at `p` of the texture's own space, in [0, 1], as seen by something as wide as `width` (0 for all detail): waves that
-    /// are finer give way to their mean, so that surfaces far away are neither noisy nor of another colour.
+    /// Value at `p` in texture space, in [0, 1], filtered to the footprint `width` (0 for all detail). Finer waves are replaced by their
+    /// mean, so that distant surfaces are not noisy and keep their mean colour.
     pub fn value(&self, p: DVec3, width: f64) -> f64 {
         match *self {
             Self::Noise(octaves) => (0.5 + 0.5 * octaves.fractal(p, width)).clamp(0.0, 1.0),
             Self::Turbulence(octaves) => octaves.turbulence(p, width).min(1.0),
             Self::Marble { octaves, spacing, distortion, sharpness } => {
                 let vein = |phase: f64| (0.5 + 0.5 * (TAU * phase).cos()).powf(sharpness);
-                // Midpoints of sixteen parts of a period, which is smooth.
+                // Midpoint rule with sixteen parts of a period, which suffices for a smooth function.
                 let mean = || (0..16).map(|i| vein((f64::from(i) + 0.5) / 16.0)).sum::<f64>() / 16.0;
                 mixed(kept(spacing, width), mean, || {
                     vein(p.x / spacing + distortion * octaves.turbulence(p, width))
                 })
             }
             Self::Wood { octaves, spacing, distortion } => {
-                // Early wood turns dark gradually, and ends at once; the edge is as wide as the finest octave, or as what sees it.
+                // Early wood darkens gradually and ends abruptly. The edge is as wide as the finest octave or the footprint.
                 let edge_of = |finest: f64| (finest / spacing).clamp(1e-3, 0.5);
                 let edge = edge_of(octaves.finest.max(width));
                 let mean = |edge: f64| 1.0 / 3.0 + edge / 6.0;
@@ -71,7 +73,7 @@ impl Pattern {
                     kept(spacing, width),
                     || kept_mean,
                     || {
-                        // Slow along the trunk.
+                        // The distortion varies slowly along the trunk.
                         let bent = octaves.fractal(p * DVec3::new(1.0, 1.0, 0.1), width);
                         let ring = p.truncate().length() / spacing + distortion * bent;
                         let share = ring - ring.floor();
@@ -86,7 +88,7 @@ impl Pattern {
         }
     }
 
-    /// The finest detail.
+    /// The finest wavelength.
     fn finest(&self) -> f64 {
         match self {
             Self::Noise(octaves)
@@ -97,7 +99,7 @@ impl Pattern {
     }
 }
 
-/// A wave as far as it is kept, and its mean for the rest.
+/// Blend of a wave and its mean; `kept` is the share of the wave.
 fn mixed(kept: f64, mean: impl FnOnce() -> f64, wave: impl FnOnce() -> f64) -> f64 {
     match kept {
         1.0 => wave(),
@@ -107,24 +109,24 @@ fn mixed(kept: f64, mean: impl FnOnce() -> f64, wave: impl FnOnce() -> f64) -> f
 }
 
 impl SolidTexture {
-    /// How much longer lengths get on the way to the texture's own space, at most along an axis.
+    /// Scale factor of lengths from the world to texture space: the largest over the axes.
     fn stretch(&self) -> f64 {
         let axes = self.to_texture.matrix3;
         axes.x_axis.length().max(axes.y_axis.length()).max(axes.z_axis.length())
     }
 
-    /// Value of the pattern at a place of the world, in [0, 1], seen by something as wide as `width` in metres.
+    /// Value of the pattern at a position in the world, in [0, 1], filtered to the footprint `width` in metres.
     pub fn value(&self, world: DVec3, width: f64) -> f64 {
         self.pattern.value(self.to_texture.transform_point3(world), width * self.stretch())
     }
 
-    /// Colour at a place of the world, seen by something as wide as `width` in metres.
+    /// Colour at a position in the world, filtered to the footprint `width` in metres.
     pub fn colour(&self, world: DVec3, width: f64) -> Rgb {
         self.low.lerp(self.high, self.value(world, width) as f32)
     }
 
-    /// How the pattern changes per metre along the three axes of the world, from differences over a tenth of its finest
-    /// detail, or of `width`, in metres, where that is more.
+    /// Gradient of the pattern per metre along the three axes of the world. It comes from central differences over a tenth of the finest
+    /// detail or of `width`, whichever is larger, in metres.
     pub fn gradient(&self, world: DVec3, width: f64) -> DVec3 {
         let step = 0.05 * (self.pattern.finest() / self.stretch()).max(width);
         let value = |at: DVec3| self.value(at, width);
@@ -169,7 +171,7 @@ mod tests {
             let spread_of = |width: f64| {
                 let count = 20_000;
                 let values = (0..count).map(|i| {
-                    // A sequence without gaps in three dimensions (Roberts).
+                    // A low-discrepancy sequence in three dimensions (Roberts).
                     let at = DVec3::new(0.819_172_5, 0.671_043_6, 0.549_700_5) * f64::from(i);
                     pattern.value(40.0 * (at - at.floor()), width)
                 });
@@ -186,7 +188,7 @@ mod tests {
                 before = spread;
             }
             assert!(before < 1e-6 && whole > 0.05, "{pattern:?}: {before} of {whole}");
-            // At the extremes: nothing of it is seen, or all of it.
+            // Extreme widths: no detail, or all of it.
             let p = DVec3::new(1.3, 0.7, -2.1);
             let (seen, one) = (pattern.value(p, f64::INFINITY), pattern.value(p, 4.0));
             assert!((seen - one).abs() < 1e-12, "{pattern:?}: {seen} for {one}");
@@ -196,7 +198,7 @@ mod tests {
             for width in [0.0, 1e-300, 1e300, f64::INFINITY] {
                 assert!(texture.gradient(p, width).is_finite(), "{pattern:?} at {width}");
             }
-            // Continuous in the width.
+            // The value is continuous in the width.
             for i in 0..200 {
                 let (p, width) = (DVec3::splat(0.37 * f64::from(i)), 0.01 * f64::from(i));
                 let step = (pattern.value(p, width + 1e-9) - pattern.value(p, width)).abs();

@@ -1,19 +1,20 @@
-//! Texels of a picture that is read by tiles where it is looked at.
+//! Texels of a picture that is read from its file by tiles on demand.
 
 use super::image::{Encoding, decode_srgb, srgb_table};
 use crate::image_io::TiledImage;
 use glam::{DVec4, Vec4};
 use std::sync::Arc;
 
-/// Texels of a level by which the smallest value of a picture is found.
+/// Most texels of the level that is searched for the smallest value of a picture.
 const LEAST_TEXELS: u64 = 1 << 20;
 
-/// Levels in a file, and what their numbers stand for.
+/// Levels in a file, with the encoding of their values.
 #[derive(Clone, Debug)]
 pub(super) struct TiledTexels {
     image: Arc<TiledImage>,
     encoding: Encoding,
-    /// Numbers are fractions of this, which takes rounding on the way away; 0 for others.
+    /// Values are multiples of one over this number, to which they are rounded to undo rounding errors of the reader; 0 for floating
+    /// point.
     steps: f32,
     /// Channels in the file, four at most.
     channels: u32,
@@ -27,7 +28,7 @@ impl PartialEq for TiledTexels {
 }
 
 impl TiledTexels {
-    /// Of a picture whose numbers are encoded so, unless it says itself that they are linear.
+    /// The texels of a picture with this encoding, unless its file states that it is linear.
     pub(super) fn new(image: TiledImage, encoding: Encoding) -> Self {
         let encoding = if image.is_linear() { Encoding::Linear } else { encoding };
         let steps = match image.bits() {
@@ -52,7 +53,7 @@ impl TiledTexels {
         self.decoded(texel[0])
     }
 
-    /// The texels at two columns and two rows: row by row.
+    /// The texels at two columns and two rows, row by row.
     #[inline]
     pub(super) fn four(&self, level: usize, columns: [u32; 2], rows: [u32; 2]) -> [Vec4; 4] {
         if columns[0] + 1 == columns[1] && rows[0] + 1 == rows[1] {
@@ -64,7 +65,7 @@ impl TiledTexels {
         [at(0, 0), at(1, 0), at(0, 1), at(1, 1)]
     }
 
-    /// Radiance and alpha of the numbers of a texel in the file.
+    /// Linear value and alpha of a texel, from its values in the file.
     #[inline]
     fn decoded(&self, [r, g, b, a]: [f32; 4]) -> Vec4 {
         let texel = match self.channels {
@@ -73,7 +74,7 @@ impl TiledTexels {
             3 => Vec4::new(r, g, b, 1.0),
             _ => Vec4::new(r, g, b, a),
         };
-        // NaN counts as 0.
+        // NaN becomes 0.
         let mut texel = Vec4::select(texel.cmpge(Vec4::ZERO), texel, Vec4::ZERO).min(Vec4::ONE);
         if self.steps > 0.0 {
             texel = (texel * self.steps).round() * self.steps.recip();
@@ -89,7 +90,7 @@ impl TiledTexels {
         Vec4::new(decode(texel.x), decode(texel.y), decode(texel.z), texel.w)
     }
 
-    /// Smallest value of each channel, as far as a level of a million texels tells, and the mean of each.
+    /// Smallest value and mean of each channel, from the finest level of at most a million texels.
     pub(super) fn least_and_mean(&self) -> (Vec4, Vec4) {
         let texels = |[width, height]: &[u32; 2]| u64::from(*width) * u64::from(*height);
         let levels = self.levels();

@@ -1,9 +1,9 @@
-//! A film's sums as bytes, so that a render can go on where another one stopped.
+//! Serialization of a film's sums, so that a render can be resumed.
 
 use super::{Film, Rejections, Vote};
 use std::io::{self, ErrorKind, Read, Write};
 
-/// Names by which a kept film may say what was left out first.
+/// Reasons for a rejected sample, as a saved film encodes them.
 const REASONS: [&str; 12] = [
     "pixel outside the tile",
     "filter weight",
@@ -20,16 +20,16 @@ const REASONS: [&str; 12] = [
 ];
 
 impl Film {
-    /// Writes all sums, little-endian: what [`Self::restore`] reads into a film of the same pixels and layers.
+    /// Writes all sums, little-endian. [`Self::restore`] reads them into a film with the same pixels and layers.
     ///
     /// # Errors
-    /// Those of `to`.
+    /// If writing to `to` fails.
     pub fn save(&self, to: &mut impl Write) -> io::Result<()> {
         let sums = &self.sums;
         sums.counts.iter().try_for_each(|n| to.write_all(&n.to_le_bytes()))?;
         sums.weights.iter().chain(&sums.values).try_for_each(|x| to.write_all(&x.to_le_bytes()))?;
         for vote in sums.objects.iter().chain(&sums.materials) {
-            // Numbers are below 2^24, so this is none of them.
+            // Numbers are below 2^24, so `u32::MAX` is free to mean none.
             to.write_all(&vote.candidate.unwrap_or(u32::MAX).to_le_bytes())?;
             to.write_all(&vote.lead.to_le_bytes())?;
         }
@@ -44,10 +44,10 @@ impl Film {
         to.write_all(&unplanned.to_le_bytes())
     }
 
-    /// Replaces all sums by those that [`Self::save`] wrote.
+    /// Replaces all sums with those that [`Self::save`] wrote.
     ///
     /// # Errors
-    /// Where `from` ends too early, or holds a sum that is not finite. The film is then of no use.
+    /// If `from` ends too early or holds a sum that is not finite. The film is then unusable.
     pub fn restore(&mut self, from: &mut impl Read) -> io::Result<()> {
         let sums = &mut self.sums;
         for n in &mut sums.counts {

@@ -1,4 +1,4 @@
-//! Pictures that are read by tiles, through the cache of OpenImageIO.
+//! Pictures that are read by tiles through OpenImageIO's cache.
 
 use super::{Failure, Sample, sys};
 use std::ffi::CStr;
@@ -22,7 +22,7 @@ pub(in crate::image_io) struct Level<'a, T> {
     pub(in crate::image_io) size: [u32; 2],
 }
 
-/// Writes a picture of tiles and levels, the finest first, to a file that may exist.
+/// Writes a picture with tiles and levels, the finest level first. An existing file is overwritten.
 pub(in crate::image_io) fn write_tiles<T: Sample>(
     path: &CStr,
     levels: &[Level<'_, T>],
@@ -37,21 +37,21 @@ pub(in crate::image_io) fn write_tiles<T: Sample>(
     let levels: Vec<_> = levels.iter().map(level).collect::<Option<_>>().ok_or_else(too_large)?;
     let count = i32::try_from(levels.len()).map_err(|_| too_large())?;
     let mut error = Failure::empty();
-    // SAFETY: the path ends in NUL, and each level has, by the check above, four numbers of the type told for each texel.
+    // SAFETY: the path ends in NUL, and each level has, by the check above, four values of the given type for each texel.
     let written = unsafe {
         Failure::shim()?.oiio_tiles_write(path.as_ptr(), levels.as_ptr(), count, T::FORMAT, &raw mut error)
     };
     if written { Ok(()) } else { Err(Failure::from_shim(&error)) }
 }
 
-/// Memory for tiles in the cache, in units of 2^20 bytes.
+/// Sets the memory limit of the tile cache, in units of 2^20 bytes.
 pub(in crate::image_io) fn limit_tiles(megabytes: f32) -> Result<(), Failure> {
     // SAFETY: takes a plain number.
     unsafe { Failure::shim()?.oiio_tiles_limit(megabytes) };
     Ok(())
 }
 
-/// What a picture's headers say.
+/// Headers of a picture.
 #[derive(Clone, Debug)]
 pub(in crate::image_io) struct Headers {
     /// Width and height of each level, the finest first.
@@ -64,7 +64,7 @@ pub(in crate::image_io) struct Headers {
 }
 
 impl Tiles {
-    /// Opens a file, and reads no more than its headers.
+    /// Opens a file and reads only its headers.
     pub(in crate::image_io) fn open(path: &CStr) -> Result<Self, Failure> {
         let shim = Failure::shim()?;
         let mut error = Failure::empty();
@@ -91,7 +91,7 @@ impl Tiles {
         }
     }
 
-    /// Reads a window of a level, whose size is told as well. Channels that the file does not have stay as they are.
+    /// Reads a window of a level, with its first pixel and its size. Channels that the file lacks keep their values.
     #[inline]
     pub(in crate::image_io) fn read(
         &self,
@@ -104,7 +104,7 @@ impl Tiles {
         let [x, y, width, height] = [x, y, width, height].map(|number| i32::try_from(number).unwrap_or(-1));
         let level = i32::try_from(level).unwrap_or(-1);
         let texels = texels.as_flattened_mut();
-        // SAFETY: the picture is live, and the shim writes no more than the length that it is told.
+        // SAFETY: the picture is live, and the shim writes no more than the given length.
         let read = unsafe {
             self.shim.oiio_tiles_read(
                 self.tiles.as_ptr(),

@@ -1,4 +1,4 @@
-//! Hits against a reference in `f64`.
+//! Check of hits against a reference in `f64`.
 
 use super::tracer::Hit;
 use crate::embree::TriangleBuffers;
@@ -7,29 +7,29 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
 
-/// How far two parameters may differ, in lengths of render space, whose scenes have a radius of about one.
+/// Tolerance of ray parameters, in lengths of render space, where scenes have a radius of about one.
 const TOLERANCE: f64 = 1e-5;
 
-/// A barycentric coordinate this close to zero is at an edge, where the rounding of `f32` decides.
+/// A barycentric coordinate this close to zero is at an edge, where rounding in `f32` decides.
 const EDGE: f64 = 1e-6;
 
-/// Tests of triangles that a check by brute force may take, in all.
+/// Most triangle tests of a brute-force check.
 const MOST_TESTS: u64 = 2_000_000_000;
 
-/// What was found wrong with the hits of one way to trace.
+/// Errors in the hits of one method of tracing.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Disagreements {
-    /// Rays looked at.
+    /// Rays that were checked.
     pub checked: u64,
-    /// Of them compared with every triangle there is; the others with all triangles that any of the ways found.
+    /// Rays that were compared with every triangle; the others were compared with all triangles that any method found.
     pub brute_force: u64,
-    /// Rays that pass a triangle which the reference hits first, well inside.
+    /// Rays that miss a triangle which the reference hits first, away from its edges.
     pub lost: u64,
-    /// Hits where the reference has none, or farther away.
+    /// Hits where the reference has none or a farther one.
     pub false_hits: u64,
-    /// Either of these within 1e-6 (barycentric) of an edge, or within 1e-5 of the ray's start or end.
+    /// Lost or false hits within 1e-6 (barycentric) of an edge, or within 1e-5 of the ray's start or end.
     pub at_edges: u64,
-    /// The first of the former two in words.
+    /// Descriptions of the first lost and false hits.
     pub examples: Vec<String>,
 }
 
@@ -40,7 +40,7 @@ struct Crossing {
     inside: f64,
 }
 
-/// Where the plane of a triangle is crossed (Moeller & Trumbore 1997, in `f64`); `None` along the plane.
+/// Crossing of a ray with the plane of a triangle (Moeller & Trumbore 1997, in `f64`); `None` for a parallel ray.
 fn crossing(ray: &Ray, corners: [[f32; 3]; 3]) -> Option<Crossing> {
     let [a, b, c] = corners.map(|corner| Vec3::from_array(corner).as_dvec3());
     let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
@@ -58,7 +58,7 @@ fn crossing(ray: &Ray, corners: [[f32; 3]; 3]) -> Option<Crossing> {
     Some(Crossing { t, inside: u.min(v).min(1.0 - u - v) })
 }
 
-/// The nearest crossing on the ray among `candidates`, edges included.
+/// The nearest crossing on the ray among `candidates`, including edges.
 fn nearest(
     ray: &Ray,
     triangles: &TriangleBuffers,
@@ -72,15 +72,14 @@ fn nearest(
     crossed.min_by(|a, b| a.1.t.total_cmp(&b.1.t))
 }
 
-/// What to compare: for each way its name, what it found, and for rays that only ask if anything is hit, the nearest hits
-/// that it finds when asked for them.
+/// Results of one method: its name, its hits, and for occlusion rays the nearest hits that it finds for the same rays.
 pub(super) struct Found<'a> {
     pub name: &'a str,
     pub hits: &'a [Hit],
     pub nearest: &'a [Hit],
 }
 
-/// Compares the first `count` rays; one outcome for each of `ways`.
+/// Compares the first `count` rays and returns one result for each of `ways`.
 pub(super) fn compare(
     kind: &str,
     rays: &[Ray],
@@ -161,7 +160,7 @@ fn judge(
             }
         }
         (Some(_), Some(_)) if any_hit => Verdict::Same,
-        // Which triangle it was is not known: it may have been one at whose edge the ray passes.
+        // The triangle that was hit is unknown; the ray may have passed at its edge.
         (Some(_), None) if any_hit => {
             let size = triangles.triangles().len() as u32;
             let near = (0..size).filter_map(|index| crossing(ray, triangles.corners(index)));
@@ -211,7 +210,7 @@ mod tests {
         let way = Found { name: "x", hits: &found, nearest: &found };
         let counts = &compare("test", &rays, false, &triangles, &[way], 1)[0];
         assert_eq!((counts.checked, counts.brute_force), (6, 6));
-        // The second is behind the first triangle; the third misses it; the fifth goes through an edge.
+        // The second hit is behind the first triangle, the third misses it, and the fifth is at an edge.
         assert_eq!((counts.lost, counts.false_hits, counts.at_edges), (2, 2, 1), "{counts:?}");
         assert_eq!(counts.examples.len(), 3);
     }

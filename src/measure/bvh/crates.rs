@@ -1,5 +1,5 @@
-//! Hierarchies of the crates `bvh` and `obvhs`. All test triangles by the function of `obvhs` (Moeller & Trumbore 1997 in
-//! `f32`, both sides); that of `bvh` culls back faces.
+//! Hierarchies of the crates `bvh` and `obvhs`. All use the triangle test of `obvhs` (Moeller & Trumbore 1997 in `f32`, both sides), as the
+//! test of `bvh` culls back faces.
 
 use super::tracer::Hit;
 use crate::embree::TriangleBuffers;
@@ -28,18 +28,18 @@ fn triangles_of(buffers: &TriangleBuffers) -> Vec<Triangle> {
         .collect()
 }
 
-/// Begins where Embree's rays do: just after zero.
+/// A query that starts just after zero, as Embree's rays do.
 fn query(ray: &Ray) -> Query {
     Query::new(ray.origin.into(), ray.direction.into(), f32::MIN_POSITIVE, ray.t_max)
 }
 
-/// The binary tree of `obvhs`, with the triangles in the order of its leaves.
+/// The binary tree of `obvhs`, with triangles in the order of its leaves.
 pub struct Obvhs2 {
     tree: Bvh2,
     triangles: Vec<Triangle>,
 }
 
-/// The eight-way tree of `obvhs`, likewise.
+/// The eight-way tree of `obvhs`, with triangles in the order of its leaves.
 pub struct ObvhsWide {
     tree: CwBvh,
     triangles: Vec<Triangle>,
@@ -91,7 +91,7 @@ macro_rules! obvhs {
 obvhs!(Obvhs2, build_bvh2_from_tris);
 obvhs!(ObvhsWide, build_cwbvh_from_tris);
 
-/// A triangle as `bvh` keeps it.
+/// A triangle in the form that `bvh` stores.
 #[derive(Debug)]
 struct Shape {
     triangle: Triangle,
@@ -139,7 +139,7 @@ impl BinaryTree {
         let mut stack = Vec::new();
         for (ray, hit) in rays.iter().zip(hits) {
             let direction = Vector3::from(ray.direction.to_array());
-            // Not by `Ray::new`, which makes directions unit: shadow rays are segments.
+            // `Ray::new` would normalize the direction, but shadow rays are segments.
             let boxes = bvh::ray::Ray {
                 origin: Point3::from(ray.origin.to_array()),
                 direction,
@@ -157,7 +157,7 @@ impl BinaryTree {
         }
     }
 
-    /// By the iterator that yields shapes in the order of their boxes, until the boxes begin behind the hit.
+    /// The nearest hit from the iterator that yields shapes in the order of their boxes. It stops at the first box behind the hit.
     fn nearest_by_iterator(&self, boxes: &bvh::ray::Ray<f32, 3>, query: &mut Query) -> Hit {
         let mut nearest: Option<(&Shape, f32)> = None;
         for shape in self.tree.nearest_traverse_iterator(boxes, &self.shapes) {
@@ -178,7 +178,7 @@ impl BinaryTree {
         }
     }
 
-    /// Nearer child first, and nothing that begins behind the hit.
+    /// Traversal that visits the nearer child first and skips boxes behind the hit.
     fn walk(
         &self,
         boxes: &bvh::ray::Ray<f32, 3>,
@@ -213,7 +213,7 @@ impl BinaryTree {
                         (Some((_, left)), Some((_, right))) => right < left,
                         _ => false,
                     };
-                    // The nearer one last, to be the next.
+                    // The nearer child is pushed last, so that it is visited next.
                     let order = if right_is_nearer { [left, right] } else { [right, left] };
                     stack.extend(order.into_iter().flatten());
                 }

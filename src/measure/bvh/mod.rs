@@ -1,7 +1,7 @@
-//! Embree against hierarchies written in Rust, on the rays of a render: time to build, memory, rays per second, and whether
-//! hits are right.
+//! Benchmark of Embree and hierarchies written in Rust, on the rays of a render: build time, memory, rays per second, and correctness of
+//! hits.
 //!
-//! What takes turns is measured in turns, and medians are told, so that whatever else a machine does troubles all alike.
+//! Candidates are measured in alternation and medians are reported, so that other load on the machine affects all of them equally.
 
 mod check;
 #[cfg(feature = "bvh-bench")]
@@ -22,33 +22,33 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::time::Instant;
 
-/// Why nothing was measured.
+/// An error of the benchmark.
 #[derive(Debug, thiserror::Error)]
 pub enum BvhBenchError {
-    /// No mesh, or an empty one.
+    /// There is no mesh, or it is empty.
     #[error("the mesh has no triangles; name another file")]
     NoTriangles,
-    /// Too many of them.
+    /// There are too many triangles.
     #[error(transparent)]
     Triangles(#[from] TriangleError),
-    /// Embree.
+    /// Embree reported an error.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
-    /// Threads.
+    /// The threads cannot start.
     #[error("cannot start {0} threads; ask for fewer with --threads")]
     Threads(usize),
 }
 
-/// What to measure.
+/// Settings of the benchmark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BvhBenchSettings {
-    /// Rays of each kind, at most.
+    /// Most rays of each kind.
     pub rays: usize,
-    /// Runs of each measurement, of which the median counts.
+    /// Runs of each measurement; the median is reported.
     pub runs: usize,
     /// Rays of each kind whose hits are checked.
     pub checked: usize,
-    /// Threads of the parallel runs; 0 means one for each core.
+    /// Threads of the parallel runs; 0 means one per core.
     pub threads: usize,
     /// Seed of the rays.
     pub seed: u64,
@@ -60,49 +60,49 @@ impl Default for BvhBenchSettings {
     }
 }
 
-/// Building, by one make.
+/// Build figures of one hierarchy.
 #[derive(Clone, Debug, Serialize)]
 pub struct BuildFigures {
-    /// Make.
+    /// Name of the hierarchy.
     pub name: String,
     /// Median time on one thread, seconds.
     pub seconds_one: f64,
     /// Median time on all threads, seconds.
     pub seconds_all: f64,
-    /// Bytes of hierarchy and of the triangles it keeps for itself, built on one thread.
+    /// Bytes of the hierarchy and of its own copy of the triangles, built on one thread.
     pub bytes: u64,
 }
 
-/// Rays per second of one kind.
+/// Figures for one kind of rays.
 #[derive(Clone, Debug, Serialize)]
 pub struct KindFigures {
     /// Kind of the rays.
     pub kind: String,
-    /// On one thread, median.
+    /// Median rays per second on one thread.
     pub rays_per_second_one: f64,
-    /// On all threads, median.
+    /// Median rays per second on all threads.
     pub rays_per_second_all: f64,
-    /// Hits that were checked.
+    /// Result of the check of hits.
     pub check: Disagreements,
 }
 
-/// One way to trace rays.
+/// Figures of one method to trace rays.
 #[derive(Clone, Debug, Serialize)]
 pub struct WayFigures {
-    /// Make and walk.
+    /// Names of hierarchy and traversal.
     pub name: String,
-    /// By kind of rays.
+    /// Figures by kind of rays.
     pub kinds: Vec<KindFigures>,
 }
 
-/// All that was measured for one mesh.
+/// Results for one mesh.
 #[derive(Clone, Debug, Serialize)]
 pub struct BvhReport {
-    /// Mesh.
+    /// Name of the mesh.
     pub name: String,
-    /// Triangles, those of the ground included.
+    /// Number of triangles, including those of the ground.
     pub triangles: usize,
-    /// Rays of each kind.
+    /// Number of rays of each kind.
     pub rays: Vec<(String, usize)>,
     /// Threads of the parallel runs.
     pub threads: usize,
@@ -110,19 +110,20 @@ pub struct BvhReport {
     pub runs: usize,
     /// Version of Embree.
     pub embree: String,
-    /// By make.
+    /// Build figures by hierarchy.
     pub builds: Vec<BuildFigures>,
-    /// By way to trace.
+    /// Figures by method of tracing.
     pub ways: Vec<WayFigures>,
 }
 
-/// Rays that a thread takes at a time.
+/// Rays per parallel task.
 const CHUNK: usize = 1024;
 
-/// Measures on the triangles of `scene` and the rays of a picture of it. `progress` hears which step of how many begins.
+/// Runs the benchmark on the triangles of `scene` and the rays of a picture of it. `progress` gets the number of each step and of all
+/// steps.
 ///
 /// # Errors
-/// Where there is nothing to trace, or Embree or the threads cannot start.
+/// If there is nothing to trace, or if Embree or the threads cannot start.
 pub fn bench_bvh(
     scene: &Scene,
     camera: &Camera,
@@ -222,7 +223,7 @@ pub fn bench_bvh(
     })
 }
 
-/// Checks every n-th ray of a set, so that all of it is looked at.
+/// Checks every n-th ray of a set, so that the check covers the whole set.
 fn check_set(
     set: &RaySet,
     triangles: &TriangleBuffers,
@@ -256,7 +257,7 @@ fn trace(structure: &Structure, walk: Walk, any_hit: bool, rays: &[Ray], hits: &
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = work();
-    // A clock that does not tick in that time is no reason to divide by zero.
+    // The clock may not advance in that time, so the lower bound avoids a division by zero.
     (result, start.elapsed().as_secs_f64().max(1e-9))
 }
 

@@ -1,20 +1,19 @@
-//! A table and a plot of what was measured.
+//! Benchmark results as a table and a plot.
 
 use super::BvhReport;
 use std::fmt::Write;
 
-/// Colours that people with any kind of colour vision tell apart (Okabe & Ito 2008), and paler ones of Embree's without its
-/// robust flag.
+/// Colours that are distinguishable with any kind of colour vision (Okabe & Ito 2008), and paler ones for Embree without its robust flag.
 const COLOURS: [&str; 10] = [
     "#0072B2", "#56B4E9", "#009E73", "#6AA5CC", "#A4D6F2", "#7FCDB5", "#CC79A7", "#E69F00", "#D55E00",
     "#999999",
 ];
 
 impl BvhReport {
-    /// Two tables in Markdown: building, and rays.
+    /// Two Markdown tables: builds, and rays.
     pub fn to_markdown(&self) -> String {
         let mut text = String::new();
-        // Writing to a string does not fail.
+        // Writing to a string cannot fail.
         let _ = self.write_markdown(&mut text);
         text
     }
@@ -86,10 +85,10 @@ impl BvhReport {
         Ok(())
     }
 
-    /// Bars of rays per second, one group for each kind of rays: one thread in full colour, all threads behind it.
+    /// An SVG with bars of rays per second, in one group for each kind of rays: one thread in full colour, all threads behind it.
     pub fn to_svg(&self) -> String {
         let mut text = String::new();
-        // Writing to a string does not fail.
+        // Writing to a string cannot fail.
         let _ = self.write_svg(&mut text);
         text
     }
@@ -172,14 +171,14 @@ impl BvhReport {
     }
 }
 
-/// A round step of a scale up to `most`, five to ten of which reach it.
+/// A round step of a scale up to `most`; the scale has five to ten steps.
 fn tick(most: f64) -> f64 {
     let power = 10f64.powf((most / 5.0).log10().floor());
     let factor = [5.0, 2.0, 1.0].into_iter().find(|factor| factor * power * 5.0 <= most);
     factor.unwrap_or(1.0) * power
 }
 
-/// Text inside an element.
+/// Text escaped for use inside an XML element.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -1,16 +1,16 @@
-//! Hierarchies over the same triangles, and the ways to trace rays in them.
+//! Hierarchies over the same triangles, and the methods to trace rays in them.
 
 use super::BvhBenchError;
 use crate::embree::{CommittedScene, Device, SceneBuilder, TriangleBuffers};
 use crate::math::Ray;
 use std::sync::Arc;
 
-/// A hierarchy of one make.
+/// A kind of hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Make {
     /// Embree with its robust flag, as the renderer uses it.
     EmbreeRobust,
-    /// Embree without.
+    /// Embree without its robust flag.
     EmbreeFast,
     /// The crate `bvh`: binary, binned SAH.
     #[cfg(feature = "bvh-bench")]
@@ -18,13 +18,13 @@ pub enum Make {
     /// The crate `obvhs`: binary, PLOC with reinsertion (`medium_build`).
     #[cfg(feature = "bvh-bench")]
     Obvhs2,
-    /// The crate `obvhs`: the same tree as eight-way compressed one.
+    /// The crate `obvhs`: the same tree in eight-way compressed form.
     #[cfg(feature = "bvh-bench")]
     ObvhsWide,
 }
 
 impl Make {
-    /// All there are in this build.
+    /// All kinds in this build.
     pub const ALL: &[Self] = &[
         Self::EmbreeRobust,
         Self::EmbreeFast,
@@ -36,7 +36,7 @@ impl Make {
         Self::ObvhsWide,
     ];
 
-    /// For tables.
+    /// Name for tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::EmbreeRobust => "Embree, robust",
@@ -50,10 +50,10 @@ impl Make {
         }
     }
 
-    /// Builds with the threads of the pool that it is called in; Embree with `threads`.
+    /// Builds the hierarchy with the threads of the current pool; Embree uses `threads`.
     ///
     /// # Errors
-    /// Where Embree cannot.
+    /// If Embree reports an error.
     pub fn build(self, triangles: &TriangleBuffers, threads: usize) -> Result<Structure, BvhBenchError> {
         match self {
             Self::EmbreeRobust | Self::EmbreeFast => {
@@ -71,7 +71,7 @@ impl Make {
         }
     }
 
-    /// The ways to trace rays in it.
+    /// The traversals for this kind.
     pub fn walks(self) -> &'static [Walk] {
         match self {
             Self::EmbreeRobust | Self::EmbreeFast => &[Walk::Single, Walk::Packets8, Walk::Packets16],
@@ -82,21 +82,21 @@ impl Make {
     }
 }
 
-/// How rays are traced.
+/// A method of tracing rays in a hierarchy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Walk {
-    /// One ray at a time, by the function that is offered for it.
+    /// One ray at a time, with the library's function for that.
     Single,
     /// Embree's packets of eight.
     Packets8,
     /// Embree's packets of sixteen.
     Packets16,
-    /// In the tree of `bvh`, a walk of this project: nearer child first, nothing behind the hit.
+    /// A traversal of this project in the tree of `bvh`: it visits the nearer child first and skips boxes behind the hit.
     OwnOrder,
 }
 
 impl Walk {
-    /// For tables; empty for the usual one.
+    /// Name for tables; empty for the default.
     pub fn name(self) -> &'static str {
         match self {
             Self::Single => "",
@@ -107,27 +107,27 @@ impl Walk {
     }
 }
 
-/// A hit: number of the triangle, and parameter. Where only asked if anything is hit, both are zero.
+/// A hit: number of the triangle, and ray parameter. Both are zero for occlusion queries.
 pub type Hit = Option<(u32, f32)>;
 
-/// What was built.
+/// A built hierarchy.
 #[derive(Debug)]
 pub enum Structure {
-    /// By Embree.
+    /// From Embree.
     Embree(CommittedScene),
-    /// By `bvh`.
+    /// From `bvh`.
     #[cfg(feature = "bvh-bench")]
     Bvh(super::crates::BinaryTree),
-    /// By `obvhs`.
+    /// From `obvhs`.
     #[cfg(feature = "bvh-bench")]
     Obvhs2(super::crates::Obvhs2),
-    /// By `obvhs`.
+    /// From `obvhs`.
     #[cfg(feature = "bvh-bench")]
     ObvhsWide(super::crates::ObvhsWide),
 }
 
 impl Structure {
-    /// Bytes of hierarchy and of the triangles it keeps for itself; the mesh that all read is not among them.
+    /// Bytes of the hierarchy and of its own copy of the triangles, without the shared mesh.
     pub fn bytes(&self) -> u64 {
         match self {
             Self::Embree(scene) => scene.device().memory_bytes().unwrap_or(0),

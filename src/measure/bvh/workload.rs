@@ -1,4 +1,4 @@
-//! Triangles of a scene, and rays as rendering it traces them.
+//! Workload of the benchmark: triangles of a scene, and the rays of its render.
 
 use super::BvhBenchError;
 use crate::camera::Camera;
@@ -12,22 +12,22 @@ use glam::{DVec3, Vec2};
 /// Rays of one kind.
 #[derive(Clone, Debug)]
 pub struct RaySet {
-    /// Kind, for tables.
+    /// Name of the kind, for tables.
     pub name: &'static str,
-    /// The rays, render space.
+    /// The rays, in render space.
     pub rays: Vec<Ray>,
-    /// Whether it is only asked if anything is hit.
+    /// Whether the rays are occlusion queries.
     pub any_hit: bool,
 }
 
-/// Hemisphere samples of one camera hit, at most: where few pixels show something, rays are not made of one place.
+/// Most hemisphere samples per camera hit, so that rays do not all start at one point where few pixels show a surface.
 const MOST_PASSES: u64 = 64;
 
-/// All triangles of the meshes of a scene, in render space and one numbering. Flat round things that no mesh stands for
-/// (the ground) become the square around them, of two triangles.
+/// All triangles of the meshes of a scene, in render space with a common numbering. Discs without a mesh (the ground) are replaced by their
+/// bounding squares of two triangles.
 ///
 /// # Errors
-/// Where there is no triangle, or more than 32 bits can count.
+/// If there is no triangle, or more than 32 bits can index.
 pub fn triangles_of(scene: &Scene) -> Result<TriangleBuffers, BvhBenchError> {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     let mut of_meshes = 0;
@@ -63,8 +63,8 @@ pub fn triangles_of(scene: &Scene) -> Result<TriangleBuffers, BvhBenchError> {
     Ok(TriangleBuffers::new(positions, triangles)?)
 }
 
-/// Up to `count` rays of each kind: through pixels; from there to samples of the lights; of photons; and from there in
-/// cosine-distributed directions. A function of the seed.
+/// Up to `count` rays of each kind: camera rays, shadow rays from their hits to samples of the lights, photon rays, and cosine-distributed
+/// rays from hits. The result is a function of the seed.
 pub fn record_rays(scene: &Scene, camera: &Camera, count: usize, seed: u64) -> Vec<RaySet> {
     let across = (count as f64).sqrt().ceil().max(1.0) as usize;
     let mut rng = Rng::new(seed, Stream::Measure, 0);
@@ -95,7 +95,7 @@ pub fn record_rays(scene: &Scene, camera: &Camera, count: usize, seed: u64) -> V
         }
     }
     let settings = TraceSettings { kind: MapKind::Global, stored: 0, seed, max_depth: 1000, aimed: true };
-    // As many photons as make that many rays, so that all lights are among them in the order of tracing.
+    // The number of photons is chosen to give this many rays, so that all lights are included in the order of tracing.
     let first = record_photon_rays(scene, &settings, count as u64);
     let emitted = (count as f64).powi(2) / first.len().max(1) as f64;
     let photon = if first.len() <= count {
@@ -104,7 +104,7 @@ pub fn record_rays(scene: &Scene, camera: &Camera, count: usize, seed: u64) -> V
         record_photon_rays(scene, &settings, emitted.ceil() as u64)
     };
     let set = |name, mut rays: Vec<Ray>, any_hit| {
-        // A direction that is not a number asks nothing of a traversal.
+        // Rays with NaN or infinite values are no work for a traversal.
         rays.retain(|ray| ray.origin.is_finite() && ray.direction.is_finite());
         rays.truncate(count);
         RaySet { name, rays, any_hit }

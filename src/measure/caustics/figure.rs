@@ -1,5 +1,5 @@
-//! Figure 8 of Jensen & Christensen 1995: estimates along a line through the caustic of the mirror square, against the exact
-//! solution; and what they are off by.
+//! Figure 8 of Jensen & Christensen 1995: estimates along a line through the caustic of the mirror square, the exact solution, and the
+//! errors of the estimates.
 
 use super::MirrorSquare;
 use crate::embree::Device;
@@ -13,50 +13,50 @@ use glam::DVec3;
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// Why nothing was measured.
+/// An error of the measurement.
 #[derive(Debug, thiserror::Error)]
 pub enum FigureError {
-    /// The scene.
+    /// The scene cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// Its maps.
+    /// The photon maps cannot be built.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// Another scene.
+    /// The scene is not the expected one.
     #[error(
         "the scene has no shape named `square`, whose caustic the figure is of; give scenes/mirror-square.toml"
     )]
     NoSquare,
-    /// The observer.
+    /// The observer stopped the measurement.
     #[error("stopped")]
     Stopped,
 }
 
-/// One way of estimating.
+/// Results of one estimator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigureRow {
-    /// In words.
+    /// Name of the estimator.
     pub name: String,
-    /// Mean of the ratio to the exact irradiance, over places inside of the caustic and seeds.
+    /// Mean ratio to the exact irradiance, over positions inside the caustic and over seeds.
     pub mean: f64,
     /// Root of the mean squared deviation of that ratio from 1.
     pub rms: f64,
-    /// Distance over which the mean falls from three quarters to a quarter at the edge; metres. `None` where it does not.
+    /// Distance at the edge over which the mean falls from three quarters to a quarter, in metres; `None` where it does not fall so far.
     pub edge: Option<f64>,
-    /// Irradiance along the line, W/m^2, of the first seed.
+    /// Irradiance along the line from the first seed, W/m^2.
     pub line: Vec<f64>,
 }
 
-/// The whole figure.
+/// Data of the whole figure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CausticFigure {
     /// Caustic photons of each map.
     pub photons: u64,
-    /// Places along the line, metres from the mirror.
+    /// Positions along the line, in metres from the mirror.
     pub places: Vec<f64>,
-    /// Exact irradiance there.
+    /// Exact irradiance at these positions.
     pub exact: Vec<f64>,
-    /// By estimator.
+    /// Results by estimator.
     pub rows: Vec<FigureRow>,
 }
 
@@ -70,7 +70,7 @@ const EDGE_STEPS: i32 = 20;
 const EDGE_STEP: f64 = 0.01;
 const EDGE_LINES: i32 = 4;
 
-/// How the caustic is estimated.
+/// Estimator of the caustic.
 #[derive(Clone, Copy)]
 enum Way {
     Photons { kernel: Kernel, nearest: u32, check: bool },
@@ -93,22 +93,22 @@ fn ways() -> [(&'static str, Way); 8] {
     ]
 }
 
-/// Inside of the caustic, farther from its edges than any estimate reaches.
+/// Positions inside the caustic, farther from its edges than the radius of any estimate.
 fn inside() -> Vec<(f64, f64)> {
     (0..21).flat_map(|i| (-2..=2).map(move |j| (0.3 + 0.07 * f64::from(i), 0.1 * f64::from(j)))).collect()
 }
 
-/// By line, then across the edge.
+/// Positions across the edge, line by line.
 fn across_edge() -> Vec<(f64, f64)> {
     let across =
         |z: f64| (-EDGE_STEPS..=EDGE_STEPS).map(move |i| (MirrorSquare::EDGE + EDGE_STEP * f64::from(i), z));
     (-EDGE_LINES..=EDGE_LINES).flat_map(|j| across(0.1 * f64::from(j))).collect()
 }
 
-/// Measures. `description` is that of `scenes/mirror-square.toml`.
+/// Measures the figure. `description` must be that of `scenes/mirror-square.toml`.
 ///
 /// # Errors
-/// Where it is another scene, cannot be built or was stopped.
+/// If it is another scene, cannot be built, or the observer stopped the measurement.
 pub fn caustic_figure(
     description: &SceneDescription,
     device: &Arc<Device>,
@@ -132,7 +132,7 @@ pub fn caustic_figure(
             }
             Way::Map { kernel, times } => {
                 estimator = ProbeEstimator::IlluminationMap;
-                // Elements of 0.05 m: as wide as an estimate of 200 photons has its radius.
+                // Bins of 0.05 m, which is the radius of an estimate with 200 photons.
                 square.value.illumination =
                     Some(IlluminationDescription { kernel, elements: Some(144), refinement: Some(5) });
                 count *= times;
@@ -170,7 +170,7 @@ pub fn caustic_figure(
     Ok(CausticFigure { photons, places, exact, rows })
 }
 
-/// Figures of one way from its readings by seed.
+/// Results of one estimator from its readings by seed.
 fn row(name: &str, readings: &[Vec<f64>]) -> FigureRow {
     let places = inside();
     let edge_places = across_edge();
@@ -199,23 +199,23 @@ fn row(name: &str, readings: &[Vec<f64>]) -> FigureRow {
     FigureRow { name: name.to_owned(), mean, rms, edge, line }
 }
 
-/// One panel: its title, and which rows in which colour.
+/// One panel: its title, and its rows with their colours.
 type Panel<'a> = (&'a str, &'a [(usize, &'a str)]);
 
 impl CausticFigure {
-    /// A table with one line for each way.
+    /// A Markdown table with one line for each estimator.
     pub fn to_markdown(&self) -> String {
         let mut text =
             String::from("| estimate | mean / exact | RMS | edge, 75 % to 25 % |\n|---|---|---|---|\n");
         for row in &self.rows {
             let edge = row.edge.map_or("none".to_owned(), |edge| format!("{:.1} cm", 100.0 * edge));
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             let _ = writeln!(text, "| {} | {:.4} | {:.2} % | {edge} |", row.name, row.mean, 100.0 * row.rms);
         }
         text
     }
 
-    /// Both panels of the figure: irradiance along the line, exact and estimated.
+    /// The figure as an SVG with two panels: exact and estimated irradiance along the line.
     pub fn to_svg(&self) -> String {
         const PANELS: [Panel<'_>; 2] = [
             ("illumination maps: box (grey), tent (blue), exact (black)", &[(0, "#999"), (2, "#1f77b4")]),
@@ -235,7 +235,7 @@ impl CausticFigure {
         for (number, (title, rows)) in PANELS.into_iter().enumerate() {
             let low = 280.0 + STEP * number as f64;
             let at = |x: f64, value: f64| (LEFT + SIZE[0] * x / last, low - SIZE[1] * value / top);
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             let _ = writeln!(text, "<text x=\"{LEFT}\" y=\"{}\">{title}</text>", low - SIZE[1] - 8.0);
             for tick in 0..=5 {
                 let x = 0.5 * f64::from(tick);

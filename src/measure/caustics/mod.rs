@@ -1,9 +1,9 @@
-//! Caustics whose irradiance has a closed form, to measure estimates against.
+//! Caustics whose irradiance has a closed form, as references for estimates.
 //!
-//! The floor is the plane y = 0 and light comes from above. [`MirrorSquare`] is the model of figure 7 of Jensen & Christensen
-//! 1995, by the image of its light; [`Nephroid`] and [`Cardioid`] are the caustics of a reflecting ring (figure 2 of Jensen 1996)
-//! in parallel light and in that of a point on the ring, by the area that a bundle of rays covers on the floor. [`caustic_figure`]
-//! measures estimates against the first (figure 8 of 1995).
+//! The floor is the plane y = 0 and light comes from above. [`MirrorSquare`] is the model of figure 7 of Jensen & Christensen 1995,
+//! computed with the mirror image of its light. [`Nephroid`] and [`Cardioid`] are the caustics of a reflecting ring (figure 2 of Jensen
+//! 1996) in parallel light and in the light of a point on the ring, computed from the area that a bundle of rays covers on the floor.
+//! [`caustic_figure`] compares estimates with the first (figure 8 of 1995).
 
 mod figure;
 
@@ -11,12 +11,12 @@ pub use figure::{CausticFigure, FigureError, FigureRow, caustic_figure};
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A rectangle of the floor: x from and to, z from and to.
+/// A rectangle on the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
-    /// Along x.
+    /// Range along x.
     pub x: [f64; 2],
-    /// Along z.
+    /// Range along z.
     pub z: [f64; 2],
 }
 
@@ -37,7 +37,7 @@ impl Cell {
         (self.x[0]..self.x[1]).contains(&x) && (self.z[0]..self.z[1]).contains(&z)
     }
 
-    /// Part of `start + s direction` for `s` in `[0, longest]` that is inside.
+    /// The part of `start + s direction` with `s` in `[0, longest]` that lies inside.
     fn chord(&self, start: [f64; 2], direction: [f64; 2], longest: f64) -> Option<[f64; 2]> {
         let (mut low, mut high) = (0.0f64, longest);
         for (axis, range) in [self.x, self.z].into_iter().enumerate() {
@@ -56,13 +56,13 @@ impl Cell {
     }
 }
 
-/// A point light at (1, 1.5, 0) above the floor x > 0, and a mirror in the plane x = 0 that reaches from the floor to y = 1 and
-/// from z = -0.5 to 0.5.
+/// A point light at (1, 1.5, 0) above the floor x > 0, and a mirror in the plane x = 0 that extends from the floor to y = 1 and from
+/// z = -0.5 to 0.5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MirrorSquare {
-    /// Of the light, W/sr.
+    /// Intensity of the light, W/sr.
     pub intensity: f64,
-    /// Of the mirror.
+    /// Reflectance of the mirror.
     pub reflectance: f64,
 }
 
@@ -70,15 +70,15 @@ impl MirrorSquare {
     /// Height of the light.
     const HEIGHT: f64 = 1.5;
 
-    /// The caustic ends here along x, where light comes from the upper edge of the mirror.
+    /// End of the caustic along x, where light from the upper edge of the mirror arrives.
     pub const EDGE: f64 = 2.0;
 
-    /// Irradiance straight from the light, W/m^2.
+    /// Direct irradiance from the light, W/m^2.
     pub fn direct(&self, x: f64, z: f64) -> f64 {
         self.from(1.0, x, z)
     }
 
-    /// Irradiance by way of the mirror: from the image of the light at (-1, 1.5, 0), where the mirror is in between.
+    /// Irradiance by the mirror, from the image of the light at (-1, 1.5, 0) where it is seen through the mirror, W/m^2.
     pub fn caustic(&self, x: f64, z: f64) -> f64 {
         let way = 1.0 / (x + 1.0);
         let is_seen = x > 0.0 && Self::HEIGHT * (1.0 - way) <= 1.0 && (z * way).abs() <= 0.5;
@@ -91,23 +91,24 @@ impl MirrorSquare {
     }
 }
 
-/// Steps of the quadrature over the ring.
+/// Number of steps of the quadrature over the ring.
 const STEPS: u32 = 400_000;
 
-/// The middles of [`STEPS`] equal parts of `[-end, end]`.
+/// Midpoints of [`STEPS`] equal parts of `[-end, end]`.
 fn middles(end: f64) -> impl Iterator<Item = f64> {
     (0..STEPS).map(move |i| end * (2.0 * (f64::from(i) + 0.5) / f64::from(STEPS) - 1.0))
 }
 
-/// Parallel light along +x and down, reflected once by the inside of the ring x > 0 of this radius around the origin.
+/// Parallel light along +x and downwards, reflected once by the inside of the ring x > 0 of this radius around the origin.
 ///
-/// Light that meets the ring at the angle `phi` goes on along the floor by `s` from there, and covers `|R cos phi - 2 s|` of it
-/// where `R cos phi` of the wall was lit.
+/// Light that hits the ring at the angle `phi` travels the distance `s` along the floor. It covers the width `|R cos phi - 2 s|` there,
+/// where it lit the width `R cos phi` of the wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nephroid {
-    /// Of the ring.
+    /// Radius of the ring.
     pub radius: f64,
-    /// How far light goes on along the floor from the upper edge of the ring: its height over the tangent of the elevation.
+    /// Distance along the floor that light from the upper edge of the ring travels: the height of the ring over the tangent of the
+    /// elevation.
     pub reach: f64,
 }
 
@@ -118,16 +119,16 @@ impl Nephroid {
         (start, [-(2.0 * phi).cos(), -(2.0 * phi).sin()], longest)
     }
 
-    /// Irradiance on the axis of symmetry over that of the light on the floor alone, where every point of the wall that lights
-    /// the place is below the reach.
+    /// Irradiance on the axis of symmetry over that of unreflected light on the floor. It holds where every point of the wall that lights
+    /// the position is within the reach.
     pub fn on_axis(&self, x: f64) -> f64 {
         let t = x / self.radius;
         let straight = 1.0 / (1.0 - 2.0 * t).abs();
-        // Two more from the sides, inside of the cusp.
+        // Inside the cusp, two more branches come from the sides.
         if t < 0.5 { straight } else { straight + 2.0 / (4.0 * t * t - 1.0) }
     }
 
-    /// Mean over a cell of irradiance over that of the light on the floor.
+    /// Mean irradiance over a cell, over that of unreflected light on the floor.
     pub fn mean(&self, cell: &Cell) -> f64 {
         let step = 2.0 * FRAC_PI_2 / f64::from(STEPS);
         let flux: f64 = middles(FRAC_PI_2)
@@ -142,21 +143,22 @@ impl Nephroid {
 }
 
 /// A point light above the ring of this radius around the origin, at (-R, h, 0), reflected once by the inside of the ring, which is
-/// no higher than h / 2 (light from above that would meet it twice).
+/// no higher than h / 2 (light that hit it above that height would hit it twice).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cardioid {
-    /// Of the ring.
+    /// Radius of the ring.
     pub radius: f64,
-    /// Of the light.
+    /// Height of the light.
     pub height: f64,
-    /// Of the ring, over that of the light: up to one half.
+    /// Height of the ring over that of the light: up to one half.
     pub ring: f64,
-    /// Of the light, W/sr.
+    /// Intensity of the light, W/sr.
     pub intensity: f64,
 }
 
 impl Cardioid {
-    /// Where light meets the ring at the central angle `psi`, how it goes on, how far, and how far it has come.
+    /// The point where light hits the ring at the central angle `psi`, its direction from there, the distance it travels, and the
+    /// distance it has come.
     fn start(&self, psi: f64) -> ([f64; 2], [f64; 2], f64, f64) {
         let start = [self.radius * psi.cos(), self.radius * psi.sin()];
         let come = 2.0 * self.radius * (0.5 * psi).cos();
@@ -164,7 +166,7 @@ impl Cardioid {
         (start, [-(1.5 * psi).cos(), -(1.5 * psi).sin()], longest, come)
     }
 
-    /// Irradiance on the axis of symmetry by the way straight across: W/m^2.
+    /// Irradiance on the axis of symmetry from the path straight across, W/m^2.
     pub fn on_axis_straight(&self, x: f64) -> f64 {
         let s = self.radius - x;
         let way = 2.0 * self.radius + s;
@@ -179,7 +181,7 @@ impl Cardioid {
             .filter_map(|psi| {
                 let (start, direction, longest, come) = self.start(psi);
                 let ends = cell.chord(start, direction, longest)?;
-                // The sine of the elevation, whose change is the solid angle over that of the azimuth, psi / 2.
+                // Sines of the elevation: their difference is the solid angle per change of the azimuth, psi / 2.
                 let [near, far] = ends.map(|s| self.height / self.height.hypot(come + s));
                 Some(0.5 * self.intensity * (near - far) * step)
             })
@@ -230,7 +232,7 @@ mod tests {
         }
     }
 
-    /// The mean over a small cell is the value in its middle; two branches more inside of the cusp.
+    /// The mean over a small cell is the value in its middle. Inside the cusp there are two more branches.
     #[test]
     fn means_of_small_cells_are_point_values() {
         let nephroid = Nephroid { radius: 1.0, reach: 2.0 };

@@ -1,40 +1,40 @@
-//! What the renders of one cell with several seeds say together.
+//! Error figures of a cell from renders with several seeds, and comparisons between cells.
 
 use crate::measure::{MeasureError, Picture};
 use serde::Serialize;
 
-/// Error of a cell, relative: roots of means over pixels and channels of squares over r^2 + f, with f a hundredth of the square
-/// of the reference's mean (the error that `--target-error` asks for). All are free of the reference's noise.
+/// Relative errors of a cell: roots of means over pixels and channels of squares over r^2 + f, with f a hundredth of the square of the
+/// reference's mean (the error of `--target-error`). All are free of the reference's noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SeedFigures {
-    /// Of a picture of one seed.
+    /// Error of a picture with one seed.
     pub error: f64,
-    /// Standard error of [`Self::error`], from the spread over seeds; not a number for one seed.
+    /// Standard error of [`Self::error`], from the spread over seeds; NaN for one seed.
     pub uncertainty: f64,
-    /// Of a picture about the mean over seeds: noise. Not a number for one seed.
+    /// Noise: deviation of a picture from the mean over seeds. NaN for one seed.
     pub noise: f64,
-    /// Of the mean over all seeds: bias. Zero where it is lost in the noise, not a number for one seed.
+    /// Bias: error of the mean over all seeds. Zero where it is lost in the noise, NaN for one seed.
     pub bias: f64,
 }
 
 /// Share of the pixels that [`Compared::but_worst`] leaves out.
 pub const WORST_SHARE: f64 = 0.003;
 
-/// What the pictures of one cell say together.
+/// Comparison of the pictures of one cell with the reference.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Compared {
-    /// Of all pixels.
+    /// Figures of all pixels.
     pub all: SeedFigures,
-    /// Of all but [`WORST_SHARE`] of them, those that are farthest off in any of the pictures. Where something small and bright
-    /// is met by chance, a lamp as glass shows it, few pixels make up nearly all of the error, and neither these pictures nor
-    /// the reference know what they should be.
+    /// Figures without the [`WORST_SHARE`] of pixels with the largest error in any of the pictures. Where paths hit something small and
+    /// bright by chance, such as an emitter seen through glass, few pixels cause nearly all of the error. Neither these pictures nor the
+    /// reference are reliable there.
     pub but_worst: SeedFigures,
 }
 
 /// Compares pictures of one size that differ in their seeds with the two halves of a reference.
 ///
 /// # Errors
-/// Where sizes differ, or a half is not finite.
+/// If sizes differ, or a half is not finite.
 pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<Compared, MeasureError> {
     let size = halves[0].size();
     for picture in seeds.iter().chain(&halves[1..]) {
@@ -59,21 +59,21 @@ pub fn figures(seeds: &[Picture<'_>], halves: [Picture<'_>; 2]) -> Result<Compar
     Ok(Compared { all, but_worst: of_pixels(seeds, [a, b], &kept) })
 }
 
-/// Addend that keeps relative errors finite in the dark.
+/// Floor of relative errors, which keeps them finite in dark regions.
 fn floor_of([a, b]: [&[f32]; 2]) -> f64 {
     let sum: f64 = a.iter().zip(b).map(|(&a, &b)| 0.5 * (f64::from(a) + f64::from(b)).abs()).sum();
     let mean = sum / a.len() as f64;
     (0.01 * mean * mean).max(f64::MIN_POSITIVE)
 }
 
-/// How far a pixel is off where it is most, relative to the square of what it should be.
+/// Largest squared relative error of a pixel over all pictures.
 fn worst(seeds: &[Picture<'_>], [a, b]: [&[f32]; 2], floor: f64, pixel: usize) -> f64 {
     let mut worst = 0.0f64;
     for i in 3 * pixel..3 * pixel + 3 {
         let whole = 0.5 * (f64::from(a[i]) + f64::from(b[i]));
         for seed in seeds {
             let square = (f64::from(seed.values()[i]) - whole).powi(2) / (whole * whole + floor);
-            // What is not a number is the worst of all.
+            // NaN counts as the largest error.
             worst = if square.is_nan() { f64::INFINITY } else { worst.max(square) };
         }
     }
@@ -101,14 +101,14 @@ fn of_pixels(seeds: &[Picture<'_>], [a, b]: [&[f32]; 2], pixels: &[usize]) -> Se
     let error = square.max(0.0).sqrt();
     SeedFigures {
         error,
-        // Of a root: half of the relative one of the square.
+        // The relative error of a root is half of that of its square.
         uncertainty: 0.5 * spread.sqrt() / error.max(f64::MIN_POSITIVE),
         noise: variance.sqrt(),
         bias: if variance.is_nan() { f64::NAN } else { (square - variance).max(0.0).sqrt() },
     }
 }
 
-/// Noise that is left in the mean of two halves of a reference, relative as in [`SeedFigures`].
+/// Remaining noise in the mean of two halves of a reference, relative as in [`SeedFigures`].
 pub fn reference_noise(halves: [Picture<'_>; 2]) -> f64 {
     let [a, b] = halves.map(|half| half.values());
     let pairs = || a.iter().zip(b).map(|(&a, &b)| (f64::from(a), f64::from(b)));
@@ -119,7 +119,7 @@ pub fn reference_noise(halves: [Picture<'_>; 2]) -> f64 {
     (pairs().map(square).sum::<f64>() / count).sqrt()
 }
 
-/// Which of these (time, error) no other beats in both: their numbers, by time.
+/// Pareto front: indices of the (time, error) points that no other beats in both, sorted by time.
 pub fn front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|&i| points[i].0 > 0.0 && points[i].1 > 0.0).collect();
@@ -133,8 +133,8 @@ pub fn front(points: &[(f64, f64)]) -> Vec<usize> {
     order
 }
 
-/// How many times the error of the front at the same time this point has: interpolated between the points of the front in
-/// logarithms; 1 on the front, and against the first or last point of it beyond its ends.
+/// Ratio of this point's error to that of the front at the same time, with logarithmic interpolation between the points of the front. It is
+/// 1 on the front; beyond its ends, the first or last point is used.
 pub fn distance_to_front(points: &[(f64, f64)], front: &[usize], point: (f64, f64)) -> f64 {
     let log = |i: usize| (points[i].0.ln(), points[i].1.ln());
     let time = point.0.ln();
@@ -149,33 +149,34 @@ pub fn distance_to_front(points: &[(f64, f64)], front: &[usize], point: (f64, f6
     (point.1.ln() - best).exp()
 }
 
-/// Where rounds come down to an error.
+/// Number of rounds at which progressive rendering reaches an error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crossing {
-    /// Rounds; between those that were rendered, by a power law from one to the next.
+    /// Rounds; between rendered numbers of rounds they are interpolated by a power law.
     pub rounds: f64,
-    /// Their seconds of the processor.
+    /// Processor seconds of these rounds.
     pub cpu: f64,
-    /// How it is known.
+    /// Basis of the values.
     pub known: CrossingKnown,
 }
 
-/// How a [`Crossing`] is known.
+/// Basis of a [`Crossing`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum CrossingKnown {
-    /// The fewest rounds that were rendered are better already.
+    /// The fewest rendered rounds already have a smaller error.
     AtMost,
-    /// Fewer rounds are worse and more are better.
+    /// The error lies between those of rendered rounds.
     Between,
-    /// The most rounds that were rendered are worse still; they go on with the slope of the last two (log error over log rounds).
+    /// The most rendered rounds still have a larger error. The values are extrapolated with the slope of the last two (log error over log
+    /// rounds).
     Beyond(f64),
 }
 
-/// Flatter than this, the error of rounds says nothing of where it goes: its noise is as large.
+/// Largest usable slope. The noise of flatter slopes is as large as the slope, so they do not support an extrapolation.
 const LEAST_SLOPE: f64 = -0.1;
 
-/// Where rounds, given as (rounds, processor seconds, error) by their count, come down to `error`. `None` where nothing tells: no
-/// rounds, or one count alone that is worse, or an error that does not fall.
+/// The crossing at which rounds, given as (rounds, processor seconds, error) sorted by rounds, reach `error`. `None` where it cannot be
+/// determined: without rounds, with a single worse entry, or where the error does not fall.
 pub fn crossing(rounds: &[(f64, f64, f64)], error: f64) -> Option<Crossing> {
     let first = rounds.first()?;
     if first.2 <= error {
@@ -209,7 +210,7 @@ mod tests {
             let mut value = || mean + deviation * 12f64.sqrt() * (rng.next_f64() - 0.5);
             (0..3 * 64 * 64).map(|_| value() as f32).collect()
         };
-        // Noisier, and weights that go with its noise would show.
+        // The reference is noisier here, so weights that depend on its noise would show.
         let halves = [noisy(2.0, 0.1), noisy(2.0, 0.1)];
         let pictures: Vec<_> = (0..4).map(|_| noisy(2.2, 0.4)).collect();
         let view = |values| Picture::new(64, 64, values).unwrap();
@@ -258,7 +259,7 @@ mod tests {
 
     #[test]
     fn rounds_cross_what_they_come_down_to() {
-        // Error like the root of the time, and a time in proportion to rounds.
+        // The error falls with the root of the rounds, and time is proportional to rounds.
         let rounds = [4.0, 16.0, 64.0].map(|n: f64| (n, 2.0 * n, 0.2 / n.sqrt()));
         let found = crossing(&rounds, 0.2 / 6.0).unwrap();
         assert!((found.rounds - 36.0).abs() < 1e-9 && (found.cpu - 72.0).abs() < 1e-9, "{found:?}");

@@ -1,4 +1,4 @@
-//! A sweep as one file for a browser, which loads nothing else.
+//! A sweep as a self-contained HTML file.
 
 use super::plot::escaped;
 use super::{Sweep, crossing_table, front_table, knob_table, points_table, svg};
@@ -6,20 +6,20 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
 
-/// A picture to look at.
+/// A picture of the report.
 #[derive(Clone, Debug)]
 pub struct Shown {
-    /// What it is.
+    /// Its name.
     pub name: String,
-    /// A PNG file.
+    /// Content of a PNG file.
     pub png: Vec<u8>,
 }
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 
-/// The report: figure, tables, and the pictures two at a time, behind a slider or as their difference. The first of `pictures` is
-/// the reference.
+/// The report: figure, tables, and a comparison of two pictures with a slider or as their difference. The first of `pictures` is the
+/// reference.
 pub fn html(sweep: &Sweep, pictures: &[Shown]) -> String {
     let scene = escaped(&sweep.scene);
     let mut page = format!(
@@ -70,7 +70,7 @@ pub fn html(sweep: &Sweep, pictures: &[Shown]) -> String {
     }
     page.push_str("<script>\nconst pictures = [\n");
     for Shown { name, png } in pictures {
-        // JSON of a string is a string of JavaScript; no `<` may end the script.
+        // A JSON string is a valid JavaScript string; `<` is escaped so that it cannot end the script.
         let name = serde_json::to_string(name).unwrap_or_default().replace('<', "\\u003c");
         let _ = writeln!(page, "{{name: {name}, data: \"data:image/png;base64,{}\"}},", STANDARD.encode(png));
     }
@@ -85,7 +85,7 @@ const VIEWER: &str = "<h2>Pictures</h2>\n<p id=\"choice\"><label>Left <select id
                       <img id=\"left\" alt=\"\"><div id=\"line\"></div><canvas id=\"canvas\"></canvas></div>\n\
                       <input type=\"range\" id=\"slider\" min=\"0\" max=\"100\" step=\"0.1\" value=\"50\" aria-label=\"border between the pictures\">\n";
 
-/// A table of Markdown as one of HTML: the first line its head, the second skipped.
+/// Converts a Markdown table to HTML: the first line is the head, and the second is skipped.
 fn table(markdown: &str) -> String {
     let cells = |line: &str, tag: &str| -> String {
         let inside = line.trim().trim_start_matches('|').trim_end_matches('|');

@@ -1,5 +1,5 @@
-//! Speed against accuracy: what settings cost and buy on one scene, which of them nothing beats, and what each step of a knob is
-//! worth. The renders themselves are made by `cardioid tradeoff`.
+//! Speed against accuracy: cost and benefit of settings on one scene, the Pareto front, and the effect of each step of a setting.
+//! `cardioid tradeoff` runs the renders.
 
 mod figures;
 mod html;
@@ -16,22 +16,22 @@ pub use plot::svg;
 pub use sweep::{Base, Cell, Step, knobs, sweep};
 pub use tables::{crossing_table, csv, front_table, knob_table, points_table};
 
-/// What one cell of a sweep came to.
+/// Result of one cell of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// Which.
+    /// The cell.
     pub cell: Cell,
-    /// Seeds it was rendered with.
+    /// Number of seeds of the renders.
     pub seeds: u64,
-    /// Seconds on the clock for one picture: median over seeds.
+    /// Wall-clock seconds for one picture: median over seeds.
     pub wall: f64,
-    /// Seconds of the processor, all threads: median over seeds.
+    /// Processor seconds of all threads: median over seeds.
     pub cpu: f64,
-    /// Most memory of the process, bytes; `None` where the system does not tell.
+    /// Peak memory of the process in bytes; `None` where the system does not report it.
     pub memory: Option<u64>,
-    /// Photons in all maps of a picture.
+    /// Number of photons in all maps of a picture.
     pub photons: u64,
-    /// How far from the reference.
+    /// Errors against the reference.
     pub compared: Compared,
 }
 
@@ -40,22 +40,22 @@ pub struct Outcome {
 pub struct Sweep {
     /// The scene's name.
     pub scene: String,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: (u32, u32),
     /// Threads of each render.
     pub threads: usize,
-    /// Where the reference comes from.
+    /// Origin of the reference.
     pub reference: String,
-    /// What was rendered.
+    /// Results of the rendered cells.
     pub outcomes: Vec<Outcome>,
-    /// Cells that there was no time for, or that failed: name and reason.
+    /// Cells that failed or for which there was no time: name and reason.
     pub missing: Vec<(String, String)>,
 }
 
 impl Sweep {
-    /// Whether a few pixels make up most of the error in most renders, so that figures are those of all others.
+    /// Whether a few pixels cause most of the error in most renders. Figures are then those of all other pixels.
     pub fn has_glints(&self) -> bool {
-        /// Error of the others over that of all, below which it is so.
+        /// Ratio of the error of the other pixels to that of all, below which this holds.
         const REST: f64 = 0.5;
         let is_glinting = |outcome: &&Outcome| {
             let Compared { all, but_worst } = outcome.compared;
@@ -64,12 +64,12 @@ impl Sweep {
         2 * self.outcomes.iter().filter(is_glinting).count() > self.outcomes.len()
     }
 
-    /// The figures of an outcome that count.
+    /// The figures of an outcome that tables show.
     pub fn figures(&self, outcome: &Outcome) -> SeedFigures {
         if self.has_glints() { outcome.compared.but_worst } else { outcome.compared.all }
     }
 
-    /// What must be said of the figures; empty where all pixels count.
+    /// A note about the figures; empty where all pixels count.
     pub fn note(&self) -> String {
         if !self.has_glints() {
             return String::new();
@@ -87,18 +87,18 @@ impl Sweep {
         self.outcomes.iter().map(|outcome| (outcome.cpu, self.figures(outcome).error)).collect()
     }
 
-    /// Numbers of the outcomes that no other beats in processor time and error both, by time.
+    /// Indices of the outcomes that no other beats in both processor time and error, sorted by time.
     pub fn front(&self) -> Vec<usize> {
         front(&self.points())
     }
 
-    /// The outcome at the point around which a cell turns a knob.
+    /// The outcome at the base point from which a cell varies one setting.
     fn base_of(&self, outcome: &Outcome) -> Option<&Outcome> {
         self.outcomes.iter().find(|other| other.cell.base == outcome.cell.base && other.cell.step.is_none())
     }
 }
 
-/// A number with three digits that count.
+/// A number with three significant digits.
 fn digits(x: f64) -> String {
     match x.abs() {
         a if !a.is_finite() => "-".to_owned(),

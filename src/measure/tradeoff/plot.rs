@@ -1,13 +1,14 @@
-//! A sweep as a picture: error over processor time, both logarithmic.
+//! Plot of a sweep: error over processor time, both logarithmic.
 
 use super::{Sweep, digits, percent};
 use std::fmt::Write as _;
 
-/// Of the whole, and the margins around the axes: left, right, top, bottom.
+/// Size of the plot.
 const SIZE: (f64, f64) = (760.0, 480.0);
+/// Margins around the axes: left, right, top, bottom.
 const MARGINS: (f64, f64, f64, f64) = (70.0, 20.0, 30.0, 50.0);
 
-/// A logarithmic axis from one place to another.
+/// A logarithmic axis.
 struct Axis {
     low: f64,
     high: f64,
@@ -16,7 +17,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// Holds all `values` above zero, with room at both ends.
+    /// An axis for all positive `values`, with a margin at both ends.
     fn of(values: impl Iterator<Item = f64>, from: f64, to: f64) -> Self {
         let (mut low, mut high) = (f64::INFINITY, 0f64);
         for value in values.filter(|v| *v > 0.0 && v.is_finite()) {
@@ -33,7 +34,7 @@ impl Axis {
         self.from + (self.to - self.from) * (value / self.low).ln() / (self.high / self.low).ln()
     }
 
-    /// 1, 2 and 5 of each decade that it holds.
+    /// Ticks at 1, 2 and 5 of each decade on the axis.
     fn ticks(&self) -> Vec<f64> {
         let first = self.low.log10().floor() as i32;
         let last = self.high.log10().ceil() as i32;
@@ -42,12 +43,12 @@ impl Axis {
     }
 }
 
-/// Text that means itself in XML.
+/// Text escaped for XML.
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// An SVG, on white.
+/// The plot as an SVG on a white background.
 pub fn svg(sweep: &Sweep) -> String {
     let (left, right, top, bottom) = MARGINS;
     let (x0, x1) = (left, SIZE.0 - right);
@@ -122,7 +123,7 @@ pub fn svg(sweep: &Sweep) -> String {
             percent(figures.error)
         );
         if is_point {
-            // To the left where there is no room on the right.
+            // The label is on the left where there is no room on the right.
             let (dx, anchor) = if at.0 > x1 - 90.0 { (-8.0, "end") } else { (8.0, "start") };
             let _ = writeln!(
                 svg,

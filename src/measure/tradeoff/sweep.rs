@@ -1,21 +1,21 @@
-//! Which renders a sweep consists of: points to start from, and each knob one step down and up from there.
+//! The renders of a sweep: base points, and each knob one step down and up from there. A knob is a setting that a sweep varies.
 
 use crate::scene::RenderPlan;
 use crate::settings::{
     Choices, IntegratorKind, Kind, Overrides, Part, Quality, SETTINGS, Setting, Settings, Turn,
 };
 
-/// A point of a sweep around which knobs are turned.
+/// Base point of a sweep, from which knobs are varied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Base {
     /// A preset.
     Preset(Quality),
-    /// So many rounds of progressive rendering.
+    /// A number of rounds of progressive rendering.
     Rounds(u64),
 }
 
 impl Base {
-    /// As people call it.
+    /// Name for tables.
     pub fn name(self) -> String {
         match self {
             Self::Preset(quality) => quality.name().to_owned(),
@@ -24,7 +24,7 @@ impl Base {
         }
     }
 
-    /// What is asked for to get there.
+    /// Settings of this base point.
     pub fn overrides(self) -> Overrides {
         match self {
             Self::Preset(quality) => Overrides {
@@ -40,7 +40,7 @@ impl Base {
         }
     }
 
-    /// The same for the command line.
+    /// The settings as command line options.
     fn options(self) -> Vec<String> {
         match self {
             Self::Preset(_) => options(&[("quality", self.name()), ("integrator", "photon-map".to_owned())]),
@@ -55,25 +55,25 @@ fn options(pairs: &[(&str, String)]) -> Vec<String> {
     pairs.iter().flat_map(|(name, value)| [format!("--{name}"), value.clone()]).collect()
 }
 
-/// A knob, turned by one step.
+/// A step of one knob.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
     /// The knob's option, without dashes.
     pub knob: &'static str,
-    /// Its value at the point where one starts.
+    /// Its value at the base point.
     pub from: String,
     /// The value tried.
     pub to: String,
-    /// By what factor time is expected to grow at most: only to see whether there is time left for it.
+    /// Upper estimate of the factor by which time grows. It only serves to decide whether there is time for the render.
     pub cost: f64,
 }
 
-/// One render of a sweep, but for its seed.
+/// One render of a sweep, without its seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cell {
-    /// Where it starts.
+    /// Base point.
     pub base: Base,
-    /// What is turned; `None` for the point itself.
+    /// Step of a knob; `None` for the base point itself.
     pub step: Option<Step>,
     /// Options of `cardioid render`.
     pub options: Vec<String>,
@@ -83,7 +83,7 @@ impl Cell {
     fn of(base: Base, step: Option<Step>) -> Self {
         let mut all = base.options();
         if let Some(step) = &step {
-            // The last of equal options is the one that would count, but the command line takes each once.
+            // The command line accepts each option only once, so the former value is removed.
             if let Some(at) = all.iter().position(|option| option.strip_prefix("--") == Some(step.knob)) {
                 all.drain(at..at + 2);
             }
@@ -92,7 +92,7 @@ impl Cell {
         Self { base, step, options: all }
     }
 
-    /// As people call it.
+    /// Name for tables.
     pub fn name(&self) -> String {
         match &self.step {
             None => self.base.name(),
@@ -101,8 +101,8 @@ impl Cell {
     }
 }
 
-/// All cells around `bases`: first the points themselves, then their knobs. `state` tells settings and plan at a point, since
-/// only knobs of what is built there are turned; `wanted` leaves out knobs.
+/// All cells around `bases`: first the base points, then their knobs. `state` returns settings and plan at a base point, since only knobs
+/// of features that are built there are varied. `wanted` selects knobs.
 pub fn sweep(
     bases: &[Base],
     state: impl Fn(Base) -> (Settings, RenderPlan),
@@ -117,12 +117,12 @@ pub fn sweep(
     points.chain(turned).collect()
 }
 
-/// Names of all knobs, in the order in which they are turned.
+/// Names of all knobs, in the order of variation.
 pub fn knobs() -> Vec<&'static str> {
     SETTINGS.iter().filter(|setting| setting.knob.is_some()).map(|setting| setting.name).collect()
 }
 
-/// The steps of all knobs of what is built.
+/// The steps of all knobs that matter for the plan.
 fn steps(settings: &Settings, plan: &RenderPlan) -> Vec<Step> {
     let knobs = SETTINGS.iter().filter_map(|setting| Some((setting, setting.knob?)));
     let built = knobs.filter(|(_, knob)| is_built(knob.part, settings, plan));
@@ -144,14 +144,14 @@ fn is_built(part: Part, settings: &Settings, plan: &RenderPlan) -> bool {
     }
 }
 
-/// The steps of one knob from the value `from`, which is empty where the setting has none.
+/// The steps of one knob from the value `from`, which is empty where the setting has no value.
 fn steps_of(setting: &Setting, turn: Turn, from: &str) -> Vec<Step> {
     let turned: Vec<(String, f64)> = match (turn, setting.kind) {
         (Turn::Factor(factor), Kind::Count { least, most }) => {
             let Ok(count) = from.parse::<u64>() else { return Vec::new() };
             let (down, up) = (count / factor, count.saturating_mul(factor).min(most));
             let counts = [(down, 1.0), (up, factor as f64)];
-            // None at all is another picture.
+            // A count of zero would give another picture.
             let counts = counts.into_iter().filter(|&(to, _)| to >= least.max(1));
             counts.map(|(to, cost)| (to.to_string(), cost)).collect()
         }
@@ -165,7 +165,7 @@ fn steps_of(setting: &Setting, turn: Turn, from: &str) -> Vec<Step> {
         (Turn::Others(cost), Kind::Choice { names, .. }) => {
             names.iter().map(|named| (named.name.to_owned(), cost)).collect()
         }
-        // A row whose turn is not one of its kind; the table has none (`every_knob_turns`).
+        // The turn does not fit the kind of setting; the table has no such row (test `every_knob_turns`).
         _ => Vec::new(),
     };
     let others = turned.into_iter().filter(|(to, _)| to != from);

@@ -1,10 +1,10 @@
-//! Sweeps as CSV and as tables of Markdown.
+//! Sweeps as CSV and as Markdown tables.
 
 use super::figures::{CrossingKnown, crossing};
 use super::{Base, Outcome, Sweep, digits, distance_to_front, percent};
 use std::fmt::Write as _;
 
-/// All outcomes, one a line.
+/// All outcomes as CSV, one per line.
 pub fn csv(sweep: &Sweep) -> String {
     let front = sweep.front();
     let mut text = "point,knob,from,to,seeds,wall_s,cpu_s,memory_bytes,photons,error,error_se,noise,bias,on_front,options,error_of_all\n"
@@ -34,14 +34,13 @@ pub fn csv(sweep: &Sweep) -> String {
     text
 }
 
-/// What nothing beats, by time.
+/// Table of the Pareto front, sorted by time.
 pub fn front_table(sweep: &Sweep) -> String {
     let rows = sweep.front().into_iter().map(|i| &sweep.outcomes[i]);
     outcomes_table(sweep, rows, |_| None)
 }
 
-/// The points around which knobs were turned, and how far from the front they are: the error over that of the front at the same
-/// processor time.
+/// Table of the base points and their distance from the front: the ratio of the error to that of the front at the same processor time.
 pub fn points_table(sweep: &Sweep) -> String {
     let (points, front) = (sweep.points(), sweep.front());
     let distance = |outcome: &Outcome| {
@@ -84,8 +83,8 @@ fn outcomes_table<'a>(
     )
 }
 
-/// What each step of each knob costs and buys, as factors of the point where it starts. The last column is the work for the same
-/// error were all of it noise, error^2 x time: below one the step pays.
+/// Table of the cost and benefit of each step of each knob, as factors relative to its base point. The last column, error^2 x time, is the
+/// work for the same error if all of it were noise: below one the step pays.
 pub fn knob_table(sweep: &Sweep) -> String {
     let mut text = "| from | knob | step | processor s | error | noise | bias | error^2 x time |\n|---|---|---|---|---|---|---|---|\n"
         .to_owned();
@@ -112,8 +111,8 @@ pub fn knob_table(sweep: &Sweep) -> String {
     text
 }
 
-/// Where rounds of progressive rendering come down to the error of each preset, and what that takes; `None` where there are no
-/// rounds or no presets to compare.
+/// Table of the rounds at which progressive rendering reaches the error of each preset, and their cost; `None` where there are no rounds or
+/// no presets.
 pub fn crossing_table(sweep: &Sweep) -> Option<String> {
     let points = || sweep.outcomes.iter().filter(|outcome| outcome.cell.step.is_none());
     let mut rounds: Vec<(f64, f64, f64)> = points()

@@ -1,4 +1,4 @@
-//! Caustics of mirrors: a plane one, whose edge is sharp, and rings, whose caustics are curves of infinite irradiance.
+//! Validation of caustics: a plane mirror, whose caustic has a sharp edge, and rings, whose caustics are curves of infinite irradiance.
 
 use super::stage::{Stage, path, photon_map, place};
 use super::{Claim, Expected, Experiment, ValidateError, by};
@@ -12,23 +12,23 @@ use std::sync::Arc;
 
 const SECTION: &str = "Caustics";
 
-/// Of estimates from photons.
+/// Largest bias of estimates from photons.
 const BIAS: f64 = 0.01;
-/// Of estimates over cells inside of a caustic curve and across it.
+/// Largest bias of estimates over cells inside a caustic curve and across it.
 const BIAS_OF_CELLS: f64 = 0.02;
-/// The same where irradiance has no bound within reach of an estimate: the disc of the nearest photons shrinks where they happen to
-/// be dense, and what is divided by its area comes out too bright. It falls as photons get more: to
-/// 2 % with a million (`cells_of_the_nephroid` in `tests/accuracy/closed_forms.rs`).
+/// Largest bias where irradiance is unbounded within the radius of an estimate. The disc of the nearest photons shrinks where they happen
+/// to be dense, so the estimate is too bright. The bias falls with the number of photons: to 2 % with a million (`cells_of_the_nephroid`
+/// in `tests/accuracy/closed_forms.rs`).
 const BIAS_AT_CUSPS: f64 = 0.06;
 
 const SQUARE: MirrorSquare = MirrorSquare { intensity: 1.0, reflectance: 0.9 };
 
-/// Inside of the caustic, farther from its edges than estimates reach.
+/// Positions inside the caustic, farther from its edges than the radius of estimates.
 fn inside() -> Vec<(f64, f64)> {
     (0..21).flat_map(|i| (-2..=2).map(move |j| (0.3 + 0.07 * f64::from(i), 0.1 * f64::from(j)))).collect()
 }
 
-/// Irradiance over the exact one, mean over places.
+/// Mean ratio of irradiance to the exact value, over positions.
 fn mirror_square(device: &Arc<Device>) -> Result<Experiment, ValidateError> {
     let stage = Stage::new(device, include_str!("../../../scenes/mirror-square.toml"))?;
     let ways = [
@@ -86,16 +86,16 @@ fn floor(content: &str) -> String {
     )
 }
 
-/// A part of the floor.
+/// A cell of the floor.
 #[derive(Clone, Copy)]
 struct Place {
     name: &'static str,
     cell: Cell,
-    /// Largest bias of estimates over it.
+    /// Largest bias of estimates over the cell.
     bias: f64,
 }
 
-/// On the axis, around the cusp, and beside the axis.
+/// Cells on the axis, around the cusp, and beside the axis.
 fn places(cusp: f64) -> Vec<Place> {
     let place = |name, (x, z, width), bias| Place { name, cell: Cell::around(x, z, width), bias };
     vec![
@@ -106,7 +106,7 @@ fn places(cusp: f64) -> Vec<Place> {
     ]
 }
 
-/// Mean irradiance of cells by the photons in them, and by estimates over them.
+/// Mean irradiance of cells, from the photons in them and from estimates over them.
 fn ring(
     device: &Arc<Device>,
     (curve, content): (&str, &str),
@@ -134,7 +134,7 @@ fn ring(
             let flux = stage.sum(map.photons(), map.emitted(), places.len(), contains);
             let mut means: Vec<f64> =
                 flux.iter().zip(&places).map(|(flux, place)| flux.y / place.cell.area()).collect();
-            // One place at random in each of the squares of a grid: no grid is fine enough for a curve of infinite light.
+            // One random position in each square of a grid, as no regular grid is fine enough for a curve of infinite irradiance.
             let mut rng = Rng::new(seed, Stream::Measure, 0);
             let mut within = |range: [f64; 2], i: u32| {
                 range[0] + (range[1] - range[0]) * (f64::from(i) + rng.next_f64()) / f64::from(ACROSS)
@@ -156,7 +156,7 @@ fn ring(
     })
 }
 
-/// Half a ring of which every first reflection reaches the floor; what is reflected twice stays within 0.7 of the wall.
+/// Half a ring in which every first reflection reaches the floor; light that is reflected twice stays within 0.7 of the wall.
 const HALF_RING: &str = "
 [[shapes]]
 type = \"csg\"
@@ -173,7 +173,7 @@ direction = [4, -1, 0]
 irradiance = 10.0
 ";
 
-/// A light over the ring that is twice as high: no light meets the ring twice.
+/// A light at twice the height of the ring, so that no light hits the ring twice.
 const RING: &str = "
 [[shapes]]
 type = \"cylinder\"

@@ -1,4 +1,4 @@
-//! Density estimates by themselves: photons spread evenly over a square metre.
+//! Validation of density estimates alone: uniform photons on a square metre.
 
 use super::{Claim, Expected, Experiment, by};
 use crate::math::Rgb;
@@ -10,11 +10,12 @@ use glam::Vec3;
 
 const SECTION: &str = "Density estimates";
 
-/// On the square, and how many places are looked up.
+/// Photons on the square.
 const PHOTONS: u64 = 20_000;
+/// Number of lookups.
 const LOOKUPS: u32 = 2000;
 
-/// A map of independent photons, of 1 W together.
+/// A map of independent photons with a total of 1 W.
 fn map(rng: &mut Rng, count: u64) -> PhotonMap {
     let photon = |_| {
         let [x, z] = [rng.next_f64(), rng.next_f64()];
@@ -24,7 +25,7 @@ fn map(rng: &mut Rng, count: u64) -> PhotonMap {
     PhotonMap::build((0..count).map(photon).collect(), count)
 }
 
-/// Mean over places that `at` makes of two random numbers.
+/// Mean of lookups at positions that `at` computes from two random numbers.
 fn lookups(
     what: &str,
     exact: f64,
@@ -65,7 +66,7 @@ pub(super) fn experiments() -> Vec<Experiment> {
         lookups("even light, cone, N = 50", 1.0, PHOTONS, with(Kernel::Cone { k: 1.0 }), inside),
         lookups("even light, Epanechnikov, N = 50", 1.0, PHOTONS, with(Kernel::Epanechnikov), inside),
         lookups("even light, Gaussian, N = 50", 1.0, PHOTONS, with(Kernel::Gaussian), inside),
-        // The formula as printed counts the photon that sets the radius: N / (N - 1).
+        // The formula as printed counts the photon that sets the radius, which gives a factor of N / (N - 1).
         lookups(
             "as printed, N = 10",
             10.0 / 9.0,
@@ -80,7 +81,7 @@ pub(super) fn experiments() -> Vec<Experiment> {
             (50, Kernel::Constant, Estimator::AsPrinted),
             inside,
         ),
-        // Half of the disc has no surface, and no wall tells of it here. Places are few along a line, so photons are more.
+        // Half of the disc has no surface, and no wall reveals it here. A line has few positions, so there are more photons.
         lookups("at a straight edge of all light", 0.5, 10 * PHOTONS, constant(200), |u, v| {
             match (4.0 * v) as u32 {
                 0 => (0.2 + 0.6 * u, 0.0),

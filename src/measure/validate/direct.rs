@@ -1,4 +1,4 @@
-//! Light straight from lamps: form factors and Lambert's formula, shadows, and light that fades on its way.
+//! Validation of direct light: form factors and Lambert's formula, shadows, and absorption by a medium.
 
 use super::stage::{Stage, path, photon_map, place};
 use super::{Claim, Expected, Experiment, ValidateError, by};
@@ -12,10 +12,10 @@ use std::sync::Arc;
 const SECTION: &str = "Direct light";
 const FACTORS: &str = "Form factors";
 
-/// Shadow rays at the place.
+/// Shadow rays at the probed point.
 const SAMPLES: u32 = 1024;
 
-/// A floor around the origin, and what is given.
+/// A scene with a floor around the origin and the given content.
 fn floor(content: &str) -> String {
     format!(
         "
@@ -43,10 +43,10 @@ fn emitter(shape: &str) -> String {
     format!("[[shapes]]\n{shape}\nmaterial = \"black\"\nemission = {{ radiance = 1.0 }}\n")
 }
 
-/// Radiance 1 over a disc of radius `r` at height `h`, of which only `x > c` is seen: an integral over strips.
+/// Irradiance from a disc of radiance 1, radius `r` and height `h`, of which only `x > c` is visible: an integral over strips.
 fn disc_beyond(r: f64, h: f64, c: f64) -> f64 {
     const STEPS: u32 = 20_000;
-    // x = r sin(a) takes away the root at the ends.
+    // The substitution x = r sin(a) removes the root at the ends.
     let (from, to) = ((c / r).clamp(-1.0, 1.0).asin(), 0.5 * PI);
     let width = (to - from) / f64::from(STEPS);
     let strip = |i: u32| {
@@ -59,7 +59,7 @@ fn disc_beyond(r: f64, h: f64, c: f64) -> f64 {
     (0..STEPS).map(strip).sum::<f64>() * width
 }
 
-/// Radiance 1 over a polygon as seen from the origin of a floor: Lambert's formula.
+/// Irradiance from a polygon of radiance 1 at the origin of a floor, by Lambert's formula.
 fn polygon(corners: [[f64; 3]; 4]) -> f64 {
     let edge = |i: usize| {
         let [a, b] = [corners[i], corners[(i + 1) % 4]].map(DVec3::from_array);
@@ -68,7 +68,7 @@ fn polygon(corners: [[f64; 3]; 4]) -> f64 {
     (0..4).map(edge).sum::<f64>().abs()
 }
 
-/// Irradiance at the origin by both integrators.
+/// Irradiance at the origin from both integrators.
 fn at_origin(
     device: &Arc<Device>,
     what: &str,
@@ -91,7 +91,7 @@ fn at_origin(
     })
 }
 
-/// Share of the flux of the first shape that meets what is at `y = 0`, by photons.
+/// Share of the flux of the first shape that reaches the surface at `y = 0`, from photons.
 fn form_factor(
     device: &Arc<Device>,
     what: &str,
@@ -112,13 +112,13 @@ fn form_factor(
         estimate: Box::new(move |seed| {
             let low = |_: usize, position: DVec3| position.y < 1e-6;
             let flux = stage.flux((MapKind::Global, 20_000), 1, low, seed)?;
-            // What is reflected meets nothing but the lamp, which is black.
+            // Reflected light hits nothing but the emitter, which is black.
             Ok(vec![flux[0].y / (PI * area)])
         }),
     })
 }
 
-/// A lamp and a place in a medium that absorbs.
+/// An emitter and a probed point in an absorbing medium.
 fn murk(device: &Arc<Device>) -> Result<Experiment, ValidateError> {
     const ABSORPTION: [f64; 3] = [0.1, 0.5, 2.0];
     let text = format!(
@@ -225,7 +225,7 @@ mod tests {
 
     #[test]
     fn strips_of_a_disc() {
-        // All of it, half of it, and what is left of it.
+        // All of the disc, half of it, and the remainder.
         let whole = PI * 0.2;
         assert!((disc_beyond(1.0, 2.0, -1.0) / whole - 1.0).abs() < 1e-7);
         assert!((disc_beyond(1.0, 2.0, 0.0) / whole - 0.5).abs() < 1e-7);

@@ -1,4 +1,4 @@
-//! Refraction: Fresnel, Snell, Beer-Lambert, and what of radiance and flux changes at an interface.
+//! Validation of refraction: Fresnel, Snell, Beer-Lambert, and the change of radiance and flux at an interface.
 
 use super::stage::{Stage, path, photon_map, place};
 use super::{Claim, Expected, Experiment, ValidateError, by};
@@ -14,12 +14,13 @@ use std::sync::Arc;
 
 const SECTION: &str = "Glass and water";
 
-/// Thickness of the slab, metres, and what its glass absorbs per metre.
+/// Thickness of the slab, in metres.
 const THICKNESS: f64 = 0.01;
+/// Absorption of its glass per metre.
 const ABSORPTION: [f64; 3] = [0.0, 5.0, 40.0];
 
-/// Reflectance of an interface for unpolarised light from the side of index 1 into index `n`. In double precision and by other
-/// means than the renderer's own.
+/// Reflectance of an interface for unpolarised light from index 1 into index `n`, in double precision and independent of the renderer's
+/// code.
 fn fresnel(n: f64, cosine: f64) -> f64 {
     let sine = (1.0 - cosine * cosine).sqrt() / n;
     if sine >= 1.0 {
@@ -31,7 +32,7 @@ fn fresnel(n: f64, cosine: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// Transmittance of the slab at `angle` degrees with all reflections between its faces, each with the mean over polarisations.
+/// Transmittance of the slab at `angle` degrees with all reflections between its faces, where each face uses the mean over polarisations.
 fn slab(n: f64, absorption: f64, angle: f64) -> f64 {
     let (sine, cosine) = angle.to_radians().sin_cos();
     let r = fresnel(n, cosine);
@@ -39,7 +40,7 @@ fn slab(n: f64, absorption: f64, angle: f64) -> f64 {
     (1.0 - r) * (1.0 - r) * a / (1.0 - r * r * a * a)
 }
 
-/// Both faces, wide enough for what is reflected many times in between: so many metres to each side.
+/// Both faces of the slab, which extend `reach` metres to each side: wide enough for many reflections in between.
 fn faces(n: f64, reach: f64) -> String {
     let (half, width) = (0.5 * THICKNESS, 2.0 * reach);
     format!(
@@ -51,7 +52,7 @@ fn faces(n: f64, reach: f64) -> String {
     )
 }
 
-/// What a camera sees of a wide lamp of radiance 1 through the slab.
+/// Radiance that a camera sees through the slab from a wide emitter of radiance 1.
 fn seen_through(device: &Arc<Device>, n: f64, angle: f64) -> Result<Experiment, ValidateError> {
     let (sine, cosine) = angle.to_radians().sin_cos();
     let text = format!(
@@ -84,7 +85,7 @@ fn seen_through(device: &Arc<Device>, n: f64, angle: f64) -> Result<Experiment, 
     })
 }
 
-/// Sunlight through the slab: the flux of caustic photons on the floor.
+/// Sunlight through the slab: flux of caustic photons on the floor.
 fn sun_through(device: &Arc<Device>, angle: f64) -> Result<Experiment, ValidateError> {
     const N: f64 = 1.5;
     let (sine, cosine) = angle.to_radians().sin_cos();
@@ -107,7 +108,7 @@ fn sun_through(device: &Arc<Device>, angle: f64) -> Result<Experiment, ValidateE
         unit: "W/m²",
         rows: rows.into(),
         estimate: Box::new(move |seed| {
-            // Under the slab by far, with the 1.7 m that light at 60 degrees goes aside.
+            // Well under the slab, with the 1.7 m that light at 60 degrees moves sideways.
             let inside = |_: usize, at: DVec3| at.x.abs() < 2.5 && at.z.abs() < 2.5;
             let flux = stage.flux((MapKind::Caustic, 50_000), 1, inside, seed)?;
             Ok(flux[0].to_array().map(|flux| flux / 25.0).into())
@@ -115,7 +116,7 @@ fn sun_through(device: &Arc<Device>, angle: f64) -> Result<Experiment, ValidateE
     })
 }
 
-/// The floor of a pool under a sky of radiance 1, with mirrors for walls: as wide as the sea.
+/// The floor of a pool under a sky of radiance 1. Mirrors as walls make it infinitely wide.
 fn pool(device: &Arc<Device>) -> Result<Experiment, ValidateError> {
     const N: f64 = 1.33;
     const RHO: [f64; 3] = [0.2, 0.5, 0.8];
@@ -176,8 +177,8 @@ fn pool(device: &Arc<Device>) -> Result<Experiment, ValidateError> {
     })
 }
 
-/// Where a ray a hundredth of the radius off the axis of a ball of glass crosses it. Exact by Snell's law and the sine rule;
-/// near the axis it is `n R / (2 (n - 1))`.
+/// Focal length of a glass ball for a ray at a hundredth of the radius from the axis. The exact value follows from Snell's law and the sine
+/// rule; near the axis it is `n R / (2 (n - 1))`.
 fn focal_length(device: &Arc<Device>, n: f64, radius: f64) -> Result<Experiment, ValidateError> {
     const HEIGHT: f32 = 0.01;
     let text = format!(
@@ -238,7 +239,7 @@ mod tests {
 
     #[test]
     fn transmittance_as_tabulated() {
-        // n, degrees, transmittance with the mean of both polarisations at each face.
+        // Index, degrees, transmittance with the mean of both polarisations at each face.
         for (n, angle, want) in
             [(1.5, 0.0, 0.92308), (1.5, 45.0, 0.90433), (1.5, 85.0, 0.24008), (2.417, 0.0, 0.70653)]
         {

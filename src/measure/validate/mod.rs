@@ -1,8 +1,8 @@
-//! The renderer against closed forms: scenes whose answer is known, each estimated with several seeds. `cardioid validate`.
+//! Validation of the renderer against closed forms (`cardioid validate`): scenes with known results, each estimated with several seeds.
 //!
-//! What is free of bias has to agree within the noise between seeds, by Student's t at a level that Sidak's correction shares out over
-//! all such rows: a suite without a flaw fails once in [`FALSE_ALARMS`]. Its standard error must be below half a percent, as
-//! noise would excuse anything. What is biased has to stay within a bound that stands beside it.
+//! Unbiased estimates must agree within the noise between seeds. The test is Student's t, at a level that Sidak's correction distributes
+//! over all such rows: a suite without a defect fails once in [`FALSE_ALARMS`] runs. The standard error must be below half a percent, as
+//! noise could otherwise hide any error. Biased estimates must stay within a stated bound.
 
 mod caustics;
 mod density;
@@ -19,55 +19,55 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::fmt::Write;
 use std::sync::Arc;
 
-/// A suite in which nothing is wrong fails once in so many runs with other seeds.
+/// A suite without a defect fails once in this many runs with different seeds.
 pub const FALSE_ALARMS: f64 = 1000.0;
 
-/// Largest standard error of what is free of bias, over the exact value.
+/// Largest standard error of an unbiased estimate, over the exact value.
 pub const MOST_NOISE: f64 = 0.005;
 
-/// What single precision may be off by, over the exact value, where there is no noise.
+/// Largest error from single precision, over the exact value, where there is no noise.
 pub const ROUNDING: f64 = 5e-5;
 
-/// What is said of an estimate.
+/// Claim about an estimate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Claim {
-    /// Its mean is the exact value.
+    /// The mean equals the exact value.
     Unbiased,
-    /// Its mean is that close to it, as a share of the exact value.
+    /// The mean is within this share of the exact value.
     Within(f64),
 }
 
-/// One quantity by one method.
+/// Result for one quantity and one method.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// What the cases around it have in common.
+    /// Section of the report.
     pub section: &'static str,
-    /// The quantity, in words.
+    /// Description of the quantity.
     pub what: String,
     /// The method.
     pub by: &'static str,
-    /// Of the numbers.
+    /// Unit of the values.
     pub unit: &'static str,
-    /// The closed form.
+    /// Exact value from the closed form.
     pub exact: f64,
-    /// Over seeds.
+    /// Mean over seeds.
     pub mean: f64,
-    /// Of the mean, from the spread over seeds.
+    /// Standard error of the mean, from the spread over seeds.
     pub standard_error: f64,
-    /// What has to hold.
+    /// The claim that must hold.
     pub claim: Claim,
-    /// Whether it does.
+    /// Whether the claim holds.
     pub passed: bool,
 }
 
 impl Row {
-    /// Deviation of the mean over the exact value.
+    /// Relative deviation of the mean from the exact value.
     pub fn deviation(&self) -> f64 {
         self.mean / self.exact - 1.0
     }
 
-    /// Whether the row does not hold only as there is too much noise to tell: its mean may be right.
+    /// Whether the row fails only because of too much noise, so that its mean may be correct.
     pub fn is_undecided(&self, quantile: f64) -> bool {
         let bound = match self.claim {
             Claim::Unbiased => ROUNDING,
@@ -90,36 +90,36 @@ impl Row {
     }
 }
 
-/// The whole suite.
+/// Results of the whole suite.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Validation {
-    /// How many seeds each row rests on.
+    /// Number of seeds of each row.
     pub seeds: u64,
-    /// So many standard errors a mean without bias may be off by.
+    /// Largest deviation of an unbiased mean, in standard errors.
     pub quantile: f64,
-    /// By section.
+    /// Rows, grouped by section.
     pub rows: Vec<Row>,
 }
 
-/// Why there is no verdict.
+/// An error that prevents the validation.
 #[derive(Debug, thiserror::Error)]
 pub enum ValidateError {
-    /// A scene of the suite.
+    /// A scene of the suite cannot be parsed.
     #[error("a scene of the suite is wrong: {0}")]
     Scene(#[from] SceneFileError),
-    /// The same, or Embree.
+    /// A scene cannot be built, or Embree reported an error.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// Maps or picture.
+    /// The photon maps or a picture cannot be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// A place that is probed has no surface, or a picture not the layer.
+    /// A probed point has no surface, or a picture lacks the layer.
     #[error("{0} is missing from what was estimated")]
     Missing(&'static str),
-    /// Too few for a standard error.
+    /// There are too few seeds for a standard error.
     #[error("{0} seeds tell no noise: take two at least, sixteen for bounds that mean something")]
     Seeds(u64),
-    /// The observer.
+    /// The observer stopped the validation.
     #[error("stopped")]
     Stopped,
 }
@@ -132,7 +132,7 @@ struct Expected {
     claim: Claim,
 }
 
-/// What one estimate tells, one number for each row.
+/// An experiment: one run gives one value for each row.
 struct Experiment {
     section: &'static str,
     unit: &'static str,
@@ -142,7 +142,7 @@ struct Experiment {
 
 type Estimate = dyn Fn(u64) -> Result<Vec<f64>, ValidateError>;
 
-/// Names of methods, as the table has them.
+/// Names of methods in tables.
 mod by {
     pub(super) const PATHS: &str = "paths";
     pub(super) const GATHER: &str = "photon map";
@@ -153,10 +153,10 @@ mod by {
     pub(super) const RAYS: &str = "a ray";
 }
 
-/// Runs the suite. The result is the same for any number of threads.
+/// Runs the suite. The result does not depend on the number of threads.
 ///
 /// # Errors
-/// Where a scene cannot be built or rendered, and where the observer stopped it.
+/// If a scene cannot be built or rendered, or if the observer stopped the run.
 pub fn validate(
     device: &Arc<Device>,
     seeds: u64,
@@ -183,7 +183,7 @@ pub fn validate(
             let values = estimate(seed)?;
             assert_eq!(values.len(), expected.len(), "{section}: a number for each row");
             for ((sum, squares), (value, row)) in sums.iter_mut().zip(values.iter().zip(&expected)) {
-                // About the exact value, so that squares lose nothing.
+                // Sums are taken relative to the exact value, so that squares do not lose precision.
                 let off = value - row.exact;
                 *sum += off;
                 *squares += off * off;
@@ -205,8 +205,7 @@ pub fn validate(
     Ok(Validation { seeds, quantile, rows })
 }
 
-/// Standard errors that the mean over `seeds` of one of `rows` is beyond, on either side, so rarely that any of them is
-/// once in [`FALSE_ALARMS`].
+/// Two-sided limit in standard errors for the mean over `seeds`. The probability that any of `rows` exceeds it is one in [`FALSE_ALARMS`].
 fn quantile(rows: usize, seeds: u64) -> f64 {
     let each = 1.0 - (1.0 - 1.0 / FALSE_ALARMS).powf(1.0 / rows.max(1) as f64);
     StudentsT::new(0.0, 1.0, seeds as f64 - 1.0)
@@ -214,17 +213,17 @@ fn quantile(rows: usize, seeds: u64) -> f64 {
 }
 
 impl Validation {
-    /// Whether every row holds.
+    /// Whether all rows passed.
     pub fn passed(&self) -> bool {
         self.rows.iter().all(|row| row.passed)
     }
 
-    /// Rows that do not hold.
+    /// Rows that failed.
     pub fn failures(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| !row.passed)
     }
 
-    /// A page with a table for each section.
+    /// A Markdown page with a table for each section.
     pub fn to_markdown(&self) -> String {
         let mut text = format!(
             "# Accuracy\n\nWritten by `cardioid validate`: scenes whose answer is known in closed form, each estimated with {} seeds. \
@@ -237,7 +236,7 @@ impl Validation {
         );
         let mut section = "";
         for row in &self.rows {
-            // Writing to a string does not fail.
+            // Writing to a string cannot fail.
             if row.section != section {
                 section = row.section;
                 let _ = write!(
@@ -277,7 +276,7 @@ impl Validation {
     }
 }
 
-/// Without zeros at the end.
+/// The number without trailing zeros.
 fn trimmed(x: f64) -> String {
     let text = format!("{x:.4}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -318,7 +317,7 @@ mod tests {
         assert!(!judged(f64::NAN, 0.0, Claim::Within(0.01)) && !judged(f64::NAN, 0.0, Claim::Unbiased));
     }
 
-    /// With few seeds a mean may be off by its noise, which is no defect.
+    /// With few seeds a mean may deviate by its noise, which is not a defect.
     #[test]
     fn noise_is_no_defect() {
         let undecided = |mean, error, claim| {

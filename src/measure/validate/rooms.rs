@@ -1,4 +1,4 @@
-//! Closed rooms, in which light is the same everywhere.
+//! Validation in closed rooms, where light is uniform.
 
 use super::stage::{Stage, path, photon_map};
 use super::{Claim, Expected, Experiment, ValidateError, by};
@@ -11,15 +11,15 @@ use std::sync::Arc;
 
 const SECTION: &str = "Closed rooms";
 
-/// Flux of the lamps, W.
+/// Flux of the emitters, W.
 const FLUX: f64 = 100.0;
 
 const LAMP: &str = "[[lights]]\ntype = \"point\"\nposition = [0, 0, 0]\npower = 100.0\n";
 
-/// Largest bias of what comes from photon maps.
+/// Largest bias of estimates from photon maps.
 const BIAS: f64 = 0.01;
 
-/// `E = Phi / (A (1 - rho))` in the mean over the walls of any room: a cube of 4 m, as in the fifth part of CIE 171.
+/// The mean over the walls of any room is `E = Phi / (A (1 - rho))`. The room is a cube of 4 m, as in the fifth part of CIE 171.
 fn cube(device: &Arc<Device>, rho: f64) -> Result<Experiment, ValidateError> {
     let text = format!(
         "[camera]\neye = [1, 0, 0]\nat = [0, 0, 1]\n[materials.paint]\ntype = \"lambert\"\nreflectance = {rho:?}\n\
@@ -44,7 +44,7 @@ fn cube(device: &Arc<Device>, rho: f64) -> Result<Experiment, ValidateError> {
     })
 }
 
-/// Places on a sphere of radius 2 around the origin, evenly spread, seen from inside.
+/// Evenly distributed points on the inside of a sphere of radius 2 around the origin.
 fn places() -> Vec<ProbePoint> {
     const COUNT: u32 = 32;
     let golden = PI * (5f64.sqrt() - 1.0);
@@ -61,7 +61,7 @@ fn mean(found: &[[DVec3; 4]], part: usize) -> DVec3 {
     found.iter().map(|parts| parts[part]).sum::<DVec3>() / found.len() as f64
 }
 
-/// An integrating sphere: the same irradiance everywhere, of which `Phi / A` comes straight from the lamp.
+/// An integrating sphere: the irradiance is uniform, and `Phi / A` of it is direct light.
 fn sphere(device: &Arc<Device>, rho: [f64; 3]) -> Result<Experiment, ValidateError> {
     let text = format!(
         "[camera]\neye = [0.3, -0.4, 0.9]\nat = [1, 0.2, 0]\n[materials.paint]\ntype = \"lambert\"\nreflectance = {rho:?}\n\
@@ -99,7 +99,7 @@ fn sphere(device: &Arc<Device>, rho: [f64; 3]) -> Result<Experiment, ValidateErr
     })
 }
 
-/// The same seen by a camera, with an irradiance cache: `L = rho E / pi`.
+/// The integrating sphere seen by a camera, with an irradiance cache: `L = rho E / pi`.
 fn cached(device: &Arc<Device>, rho: f64) -> Result<Experiment, ValidateError> {
     let text = format!(
         "[camera]\neye = [0.3, -0.4, 0.9]\nat = [1, 0.2, 0]\nfov = 60\n[materials.paint]\ntype = \"lambert\"\n\
@@ -127,7 +127,7 @@ fn cached(device: &Arc<Device>, rho: f64) -> Result<Experiment, ValidateError> {
     })
 }
 
-/// Walls that emit `1 - rho` and reflect `rho`: radiance 1 everywhere, whatever stands in the room that absorbs nothing.
+/// A furnace: walls emit `1 - rho` and reflect `rho`, so radiance is 1 everywhere. Objects that absorb nothing do not change it.
 fn furnace(device: &Arc<Device>) -> Result<Experiment, ValidateError> {
     const RHO: [f64; 3] = [0.3, 0.5, 0.7];
     let wall = |corner: &str, u: &str, v: &str| {

@@ -1,4 +1,4 @@
-//! Scenes of the suite: from text to numbers.
+//! Scenes of the suite: parsing, and measurement of their quantities.
 
 use super::ValidateError;
 use crate::embree::Device;
@@ -14,13 +14,13 @@ use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Pixels across and down of pictures.
+/// Width and height of pictures, in pixels.
 const SIZE: u32 = 16;
 
-/// From how far above its surface a place is looked for; metres.
+/// Lift of probed points: search distance above and below a surface, in metres.
 const LIFT: f64 = 1e-3;
 
-/// Photon maps and final gathering at each sample.
+/// Settings for photon maps with final gathering at each sample.
 pub(super) fn photon_map() -> Overrides {
     Overrides {
         integrator: Some(IntegratorKind::PhotonMap),
@@ -29,7 +29,7 @@ pub(super) fn photon_map() -> Overrides {
     }
 }
 
-/// Path tracing.
+/// Settings for path tracing.
 pub(super) fn path() -> Overrides {
     Overrides { integrator: Some(IntegratorKind::Path), ..Overrides::default() }
 }
@@ -60,7 +60,7 @@ impl Stage {
         Settings::from(&overrides.over(self.description.render.clone()))
     }
 
-    /// Irradiance in W/m^2 at places, by one estimator: direct, caustic, indirect, and all together.
+    /// Irradiance in W/m^2 at points from one estimator: direct, caustic, indirect and total.
     pub(super) fn irradiance(
         &self,
         (estimator, samples): (ProbeEstimator, u32),
@@ -84,7 +84,7 @@ impl Stage {
         found.collect()
     }
 
-    /// Mean over a small picture of one of its layers.
+    /// Mean of one layer of a small picture.
     pub(super) fn layer(&self, name: &str, overrides: Overrides, seed: u64) -> Result<DVec3, ValidateError> {
         let request = RenderRequest {
             width: SIZE,
@@ -100,7 +100,7 @@ impl Stage {
         Ok(pixels.sum::<DVec3>() / f64::from(SIZE * SIZE))
     }
 
-    /// Flux in watts of the photons of a map that `wanted` picks by their places in metres, for each of `areas`.
+    /// Flux in watts of the photons of a map that `wanted` selects by their positions in metres, for each of `areas`.
     pub(super) fn flux(
         &self,
         (kind, stored): (MapKind, u64),
@@ -114,7 +114,7 @@ impl Stage {
         Ok(self.sum(photons, emitted, areas, wanted))
     }
 
-    /// The caustic map.
+    /// Builds the caustic map.
     pub(super) fn caustic_map(&self, photons: u64, seed: u64) -> Result<PhotonMap, ValidateError> {
         let overrides = Overrides { global_photons: Some(0), caustic_photons: Some(photons), ..photon_map() };
         let settings = self.settings(overrides, seed);

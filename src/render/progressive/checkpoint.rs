@@ -1,15 +1,15 @@
-//! Renders in rounds, kept in files. A file is
+//! Checkpoints: files that hold the rounds of a progressive render. A file is
 //!
 //! ```text
 //! "cardioid rounds\n"     16 bytes
 //! version                 u32
 //! length of the header    u32
-//! header                  JSON: what is rendered, how many rounds, what was counted
+//! header                  JSON: identity of the render, statistics of rounds, counters
 //! even rounds, odd rounds sums of the two films
 //! checksum                BLAKE3 of all before, 32 bytes
 //! ```
 //!
-//! with numbers little-endian.
+//! Numbers are little-endian.
 
 use super::RoundStatistics;
 use crate::files::open_regular;
@@ -24,16 +24,16 @@ use std::path::{Path, PathBuf};
 
 const MAGIC: [u8; 16] = *b"cardioid rounds\n";
 
-/// Of the layout above, and of what rounds compute: raised where either changes.
+/// Version of the layout above and of the computation of rounds. It is raised where either changes.
 const VERSION: u32 = 2;
 
-/// A longer header is not one.
+/// Largest header in bytes; a longer one means that the file is damaged.
 const LONGEST_HEADER: u32 = 1 << 20;
 
-/// What must be the same for two renders to be one: names and values.
+/// Names and values that must be equal for a render to be resumed.
 pub(super) type Identity = BTreeMap<String, Value>;
 
-/// What a file says of its render.
+/// Header of a checkpoint.
 #[derive(Debug, Deserialize, Serialize)]
 pub(super) struct Header {
     pub(super) identity: Identity,
@@ -41,7 +41,7 @@ pub(super) struct Header {
     pub(super) counters: Counters,
 }
 
-/// A render in rounds up to some round.
+/// State of a progressive render after some round.
 #[derive(Debug)]
 pub struct Checkpoint {
     pub(super) header: Header,
@@ -49,7 +49,7 @@ pub struct Checkpoint {
     pub(super) halves: [Film; 2],
 }
 
-/// Why a render cannot be gone on with, or not be kept.
+/// An error of resuming a render or of writing a checkpoint.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointError {
     /// The file cannot be read.
@@ -60,15 +60,15 @@ pub enum CheckpointError {
         /// Why.
         error: io::Error,
     },
-    /// It is none, or damaged.
+    /// The file is not a checkpoint, or is damaged.
     #[error("{} {what}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, after its name.
+        /// The problem, as text that follows the file name.
         what: String,
     },
-    /// It is of something else.
+    /// The checkpoint belongs to another render.
     #[error("{} holds another render, which this one cannot go on with: {}", path.display(), differences.join("; "))]
     Different {
         /// The file.
@@ -76,16 +76,16 @@ pub enum CheckpointError {
         /// Each difference.
         differences: Vec<String>,
     },
-    /// It cannot be written.
+    /// The file cannot be written.
     #[error(transparent)]
     Write(#[from] ImageError),
-    /// Only what is rendered in rounds can be kept.
+    /// The integrator does not render in rounds, so there is nothing to write or resume.
     #[error("only --integrator progressive renders in rounds, which can be kept and gone on with")]
     NoRounds,
 }
 
 impl Checkpoint {
-    /// Writes it; the file changes only when all of it is on the disk.
+    /// Writes the checkpoint. The file at `path` changes only when all of the new one is on the disk.
     pub(super) fn write(&self, path: &Path) -> Result<(), CheckpointError> {
         Ok(image_io::write_with(path, |file| self.write_to(BufWriter::new(file)))?)
     }
@@ -103,14 +103,14 @@ impl Checkpoint {
         to.inner.flush()
     }
 
-    /// Reads what a render of this identity left, whose films are like `empty`.
+    /// Reads the checkpoint of a render with this identity, whose films have the layout of `empty`.
     pub(super) fn read(path: &Path, identity: &Identity, empty: [Film; 2]) -> Result<Self, CheckpointError> {
         let (file, _) =
             open_regular(path).map_err(|error| CheckpointError::Read { path: path.to_owned(), error })?;
         Self::parse(BufReader::new(file), path, Some(identity), empty)
     }
 
-    /// The same of anything that can be read. Whatever is rendered there will do where there is no `identity`.
+    /// Reads a checkpoint from any reader. Without an `identity`, a checkpoint of any render is accepted.
     fn parse(
         from: impl Read,
         path: &Path,
@@ -168,25 +168,25 @@ impl Checkpoint {
     }
 }
 
-/// Reads a file of `--checkpoint` of a picture of this size, whatever it is of, and returns the rounds it holds. For those who
-/// test readers; `path` is for messages.
+/// Parses a checkpoint of any render with pictures of this size, and returns the number of its rounds. It is meant for tests of readers;
+/// `path` appears in messages.
 ///
 /// # Errors
-/// Where it is damaged, or of another size.
+/// If the checkpoint is damaged or has another size.
 pub fn parse_checkpoint_bytes(bytes: &[u8], path: &Path, size: (u32, u32)) -> Result<u64, CheckpointError> {
     let empty = blank(size).map_err(|error| damaged(path, format!("cannot be tested: {error}")))?;
     Checkpoint::parse(bytes, path, None, empty).map(|checkpoint| checkpoint.header.statistics.done)
 }
 
-/// A sound file of no rounds at this size, for tests of readers.
+/// A valid checkpoint without rounds at this size, for tests of readers.
 ///
 /// # Errors
-/// Where no film has this size.
+/// If no film can have this size.
 pub fn blank_checkpoint_bytes(size: (u32, u32)) -> Result<Vec<u8>, FilmError> {
     let identity = [("spp".to_owned(), Value::from(4)), ("scene".to_owned(), Value::from("a"))].into();
     let header = Header { identity, statistics: RoundStatistics::default(), counters: Counters::default() };
     let mut bytes = Vec::new();
-    // A vector takes whatever is written.
+    // Writing to a vector cannot fail.
     let _ = Checkpoint { header, halves: blank(size)? }.write_to(&mut bytes);
     Ok(bytes)
 }
@@ -200,7 +200,7 @@ fn damaged(path: &Path, what: impl Into<String>) -> CheckpointError {
     CheckpointError::Damaged { path: path.to_owned(), what: what.into() }
 }
 
-/// Where two identities differ, in words: "spp was 4 and is 8".
+/// Descriptions of the differences between two identities, such as "spp was 4 and is 8".
 fn differences(was: &Identity, is: &Identity) -> Vec<String> {
     let names: std::collections::BTreeSet<&String> = was.keys().chain(is.keys()).collect();
     let said = |value: Option<&Value>| match value {
@@ -215,7 +215,7 @@ fn differences(was: &Identity, is: &Identity) -> Vec<String> {
         .collect()
 }
 
-/// Passes bytes on and hashes them.
+/// A reader or writer that hashes the bytes it passes on.
 struct Hashing<T> {
     inner: T,
     hasher: blake3::Hasher,

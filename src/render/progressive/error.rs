@@ -1,43 +1,43 @@
-//! How far a picture is from the truth, told from its two halves alone.
+//! Error estimate of a picture from its two independent halves.
 
 use crate::film::Film;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// An estimate of the relative error of a picture that was rendered in rounds: the root of the mean over pixels and channels of
-/// (t - r)^2 / (r^2 + f), with f a hundredth of the square of the picture's mean, so that black pixels count without
-/// dominating and the unit of light does not matter. Cardioid's `compare` prints the true one as `relrmse_u`.
+/// Estimate of the relative error of a progressive picture: the root of the mean over pixels and channels of (t - r)^2 / (r^2 + f).
+/// The floor f is a hundredth of the square of the picture's mean, so that black pixels count without dominating and the unit of light
+/// does not matter. Cardioid's `compare` prints the true error as `relrmse_u`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ErrorEstimate {
     /// Rounds that the picture consists of.
     pub rounds: u64,
-    /// Of noise and bias together.
+    /// Error from noise and bias together.
     pub error: f64,
-    /// Of noise.
+    /// Error from noise.
     pub noise: f64,
-    /// Of bias.
+    /// Error from bias.
     pub bias: f64,
-    /// Pixels that one half shows far brighter than the other: something small and bright was met there by chance, and the error
-    /// is not known.
+    /// Pixels that are far brighter in one half than in the other. A path hit something small and bright there by chance, and the error
+    /// is unknown.
     pub glints: u64,
-    /// Noise of all others.
+    /// Error from noise of all other pixels.
     pub noise_without_glints: f64,
 }
 
-/// A pixel of whose channels one differs between the halves by more than so many times what the darker of them is, with the root of
-/// the floor, is a glint: what was met by chance is nearly all of its mean. How bright such a pixel really is cannot be told from two
-/// halves, nor how far off; it counts as off by about all of itself.
+/// A pixel is a glint where a channel differs between the halves by more than this factor times the root of the darker value squared plus
+/// the floor: a chance hit is then nearly all of its mean. Two halves determine neither the true brightness of such a pixel nor its error;
+/// it counts as wrong by about its whole value.
 const GLINT: f64 = 4.0;
 
-/// What is added to the square of a radiance in relative errors, over the square of the picture's mean.
+/// Floor that is added to the square of a radiance in relative errors, over the square of the picture's mean.
 const FLOOR: f64 = 0.01;
 
-/// The error of the picture that the two halves make together, which stand for so many rounds. `None` where one of them has none
+/// The error of the picture that the two halves form, where each half has the given number of rounds. `None` where a half has no rounds
 /// or the picture is black.
 ///
 /// The halves e and o, of n_e and n_o rounds, are independent of each other, as they share neither camera samples nor photons.
-/// So the variance of the whole is that of e - o times n_e n_o / n^2; and of the estimates of bias of both the product
-/// has the square of their mean as its expectation, free of their noise.
+/// So the variance of the whole is that of e - o times n_e n_o / n^2. The expectation of the product of the two bias estimates is the
+/// square of their mean, free of their noise.
 pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEstimate> {
     let (even, odd) = (rounds[0] as f64, rounds[1] as f64);
     let all = even + odd;
@@ -53,7 +53,7 @@ pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEsti
     if rounds.contains(&0) || !(mean > 0.0 && mean.is_finite()) {
         return None;
     }
-    // Relative to the mean from the start, so that no square leaves the range.
+    // Values are divided by the mean first, so that no square overflows or underflows.
     let (mut noise, mut other_noise, mut bias, mut glints) = (0.0, 0.0, 0.0, 0);
     for ([e, e_bias], [o, o_bias]) in pixels() {
         let difference = (e - o) / mean;
@@ -71,7 +71,7 @@ pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEsti
     }
     let [noise, other_noise] =
         [noise, other_noise].map(|sum| sum / (3.0 * count) * (even * odd) / (all * all));
-    // Below zero by chance where there is next to none.
+    // The estimate may be negative by chance where there is hardly any bias.
     let bias = (bias / (3.0 * count)).max(0.0);
     let rounds = rounds[0] + rounds[1];
     Some(ErrorEstimate {
@@ -91,7 +91,7 @@ mod tests {
     use crate::math::Rgb;
     use crate::sampling::{Rng, Stream};
 
-    /// Halves with Gaussian-like noise of this deviation per round, and estimates of bias around `bias` with as much noise.
+    /// Halves with uniform noise of this standard deviation per round, and bias estimates around `bias` with the same noise.
     fn halves(rounds: [u64; 2], deviation: f64, bias: f64, scale: f64) -> [Film; 2] {
         let layers = LayerSet { bias: true, ..LayerSet::default() };
         let mut rng = Rng::new(5, Stream::Measure, 0);
@@ -117,10 +117,10 @@ mod tests {
         for (rounds, scale) in [([8, 8], 1.0), ([9, 8], 1e-25), ([20, 1], 1e20)] {
             let found = error_of_halves(&halves(rounds, 0.5, 0.1, scale), rounds).unwrap();
             let n = (rounds[0] + rounds[1]) as f64;
-            // 4096 independent pixels: the estimate of a variance is certain to 2.2 %, three standard errors on the root.
+            // 4096 independent pixels: the estimate of a variance is certain to 2.2 %; three standard errors on the root.
             let noise = 0.5 / n.sqrt() / 1.01f64.sqrt();
             assert!((found.noise / noise - 1.0).abs() < 0.05, "{rounds:?}: {found:?} {noise}");
-            // In proportion to the noise of the estimate: 0.25 / sqrt(n_e n_o) / 64 on the square.
+            // The tolerance is proportional to the noise of the estimate: 0.25 / sqrt(n_e n_o) / 64 on the square.
             let certain = 3.0 * 0.25 / ((rounds[0] * rounds[1]) as f64).sqrt() / 64.0;
             assert!((found.bias.powi(2) - 0.01 / 1.01).abs() < certain, "{rounds:?}: {found:?}");
             assert!((found.error.powi(2) - found.noise.powi(2) - found.bias.powi(2)).abs() < 1e-12);
@@ -141,7 +141,7 @@ mod tests {
         let found = error_of_halves(&films, rounds).unwrap();
         assert_eq!(found.glints, 1);
         assert!((found.noise_without_glints / before.noise - 1.0).abs() < 0.5, "{found:?} {before:?}");
-        // Off by all of itself, in 4096 pixels.
+        // One of 4096 pixels is wrong by its whole value.
         let (added, all) = (found.noise.powi(2) - found.noise_without_glints.powi(2), 1.0 / 4096.0);
         assert!((added / all - 1.0).abs() < 0.05, "{found:?}");
     }

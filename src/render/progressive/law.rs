@@ -1,13 +1,13 @@
-//! By what law rounds narrow, and whose random numbers they take.
+//! Radius schedule of progressive rounds, and the random numbers of each round.
 
 use crate::render::pixels::CameraSamples;
 use crate::sampling::mix;
 
-/// The parameter of the law: the share of each round's photons that, seen as one growing map, would count. Two thirds balance
-/// noise and the bias of smooth light: both fall with the third root of the rounds, in each look-up.
+/// Parameter of the radius schedule: the share of each round's photons that would count in one growing map. Two thirds balance noise and
+/// the bias of smooth light: in each lookup both fall with the third root of the number of rounds.
 pub(super) const ALPHA: f64 = 2.0 / 3.0;
 
-/// Area of the discs of estimates in each round over that in the first: r_i^2 / r_1^2 (Knaus & Zwicker 2011, eq. 20).
+/// Disc area of estimates in each round over that in the first round: r_i^2 / r_1^2 (Knaus & Zwicker 2011, eq. 20).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Areas {
     round: u64,
@@ -15,12 +15,12 @@ pub(super) struct Areas {
 }
 
 impl Areas {
-    /// From the first round on.
+    /// Starts at the first round.
     pub(super) fn new() -> Self {
         Self { round: 0, area: 1.0 }
     }
 
-    /// That of round `round`, counted from zero; no earlier one than was asked for before.
+    /// The area of round `round`, counted from zero. Rounds must not decrease from call to call.
     pub(super) fn at(&mut self, round: u64) -> f64 {
         while self.round < round {
             self.round += 1;
@@ -31,7 +31,7 @@ impl Areas {
     }
 }
 
-/// Seed of the photons of a round, counted from zero: that of the first is the seed of the picture.
+/// Photon seed of a round, counted from zero. The first round has the seed of the picture.
 pub(super) fn photon_seed(seed: u64, round: u64) -> u64 {
     match round {
         0 => seed,
@@ -39,11 +39,11 @@ pub(super) fn photon_seed(seed: u64, round: u64) -> u64 {
     }
 }
 
-/// Random numbers of the camera samples of a round. Even and odd rounds are two pictures, independent of each other, each of
-/// which takes its points in their order.
+/// Random numbers of the camera samples of a round. Even and odd rounds form two independent pictures; each takes its sample points in
+/// sequence.
 pub(super) fn camera_samples(seed: u64, round: u64, spp: u32) -> CameraSamples {
     let number = u128::from(round / 2) * u128::from(spp);
-    // Points are numbered in 32 bits; after those come others.
+    // Points are numbered in 32 bits; when the numbers run out, another set follows.
     let (first, set) = (number as u32, (number >> 32) as u64);
     let seed = match (round % 2, set) {
         (0, 0) => seed,
@@ -63,10 +63,10 @@ mod tests {
         assert_eq!(areas.at(0), 1.0);
         assert!((areas.at(1) - (1.0 + ALPHA) / 2.0).abs() < 1e-15);
         assert!((areas.at(2) - (1.0 + ALPHA) / 2.0 * (2.0 + ALPHA) / 3.0).abs() < 1e-15);
-        // Like i^(alpha - 1) in the end.
+        // The area tends to a multiple of i^(alpha - 1).
         let (a, b) = (areas.at(10_000), areas.at(80_000));
         assert!((a / b - 2.0).abs() < 1e-3, "{}", a / b);
-        // The same from the start, as after resuming.
+        // A new schedule gives the same area, as when a render is resumed.
         assert_eq!(Areas::new().at(80_000), b);
     }
 

@@ -1,8 +1,8 @@
-//! Progressive photon mapping: rounds of photon maps and pictures that are independent of each other, and of which each reads
-//! less that is biased than the one before (Knaus & Zwicker, "Progressive Photon Mapping: A Probabilistic Approach", ACM
-//! Transactions on Graphics 30(3), 2011). The mean of all rounds is the picture; its error falls as long as they go on.
+//! Progressive photon mapping: independent rounds of photon maps and pictures, each with less bias than the round before (Knaus &
+//! Zwicker, "Progressive Photon Mapping: A Probabilistic Approach", ACM Transactions on Graphics 30(3), 2011). The picture is the mean
+//! of all rounds; its error falls with the number of rounds.
 //!
-//! What is biased, and how it vanishes, is in `docs/progressive.md`.
+//! `docs/progressive.md` describes the sources of bias and how each vanishes.
 
 mod checkpoint;
 mod error;
@@ -31,33 +31,33 @@ use serde_json::Value;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// Rounds, in `--stats` and in the picture's metadata.
+/// Statistics of rounds, in `--stats` and in the picture's metadata.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct RoundStatistics {
-    /// Rounds that the picture is the mean of: asked for as `--rounds`, with the same settings they give the same picture.
+    /// Number of rounds that the picture is the mean of. The same number as `--rounds`, with the same settings, gives the same picture.
     pub done: u64,
-    /// How many of them are from an earlier render, which this one went on with.
+    /// Rounds of an earlier render that this render resumed.
     pub resumed: u64,
     /// Photons emitted in all rounds, for all maps.
     pub photons_emitted: u64,
     /// Photons stored in all rounds, in all maps.
     pub photons_stored: u64,
-    /// Area of the discs of caustic estimates in the last round over that in the first.
+    /// Disc area of caustic estimates in the last round over that in the first round.
     pub area: f64,
     /// Seconds that all rounds took.
     pub seconds: f64,
-    /// How far the picture is from the truth; `None` after a single round.
+    /// Estimated error of the picture; `None` after a single round.
     pub error: Option<ErrorEstimate>,
-    /// That error asked for.
+    /// The requested target error.
     pub target_error: Option<f64>,
-    /// Samples and photons of each round, where they are fewer than asked for, to fit a time limit.
+    /// Samples and photons of each round, where they were reduced to fit a time limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fitted: Option<RoundSize>,
-    /// The same after fewer rounds: the powers of two.
+    /// Error estimates after fewer rounds, at the powers of two.
     pub history: Vec<ErrorEstimate>,
 }
 
-/// What a round is made of.
+/// Samples and photons of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct RoundSize {
     /// Camera samples per pixel.
@@ -68,20 +68,19 @@ pub struct RoundSize {
     pub caustic_photons: u64,
 }
 
-/// What rounds of an earlier render are gone on with, and where these are kept.
+/// The checkpoint to resume from, and the checkpoint to write.
 #[derive(Clone, Debug, Default)]
 pub struct Rounds {
-    /// What besides the request must be the same for two renders to be one (the scene, the versions of libraries): names
-    /// and values.
+    /// Names and values that must match, in addition to the request, for a render to be resumed (the scene, the versions of libraries).
     pub identity: Vec<(String, String)>,
-    /// A file to go on with.
+    /// The checkpoint to resume from.
     pub resume: Option<PathBuf>,
-    /// Where to keep rounds: at the end, and now and then before.
+    /// The checkpoint to write: at the end, and at intervals before.
     pub checkpoint: Option<PathBuf>,
 }
 
 impl Rounds {
-    /// From the first round on, and nothing on disk.
+    /// Starts with the first round and writes no checkpoint.
     pub fn keeping_nothing() -> Self {
         Self::default()
     }
@@ -89,7 +88,7 @@ impl Rounds {
     fn identity_of(&self, request: &RenderRequest) -> Identity {
         let RenderRequest { width, height, crop, filter, layers, ref settings } = *request;
         let mut identity = Identity::new();
-        // Rounds may be added, and another error be asked for.
+        // A resumed render may have more rounds or another target error.
         let settings = Settings { rounds: None, target_error: None, ..settings.clone() };
         if let Ok(Value::Object(settings)) = serde_json::to_value(settings) {
             identity.extend(settings.into_iter().map(|(name, value)| (name.replace('_', "-"), value)));
@@ -106,18 +105,18 @@ impl Rounds {
     }
 }
 
-/// Rounds before an error is believed.
+/// Fewest rounds after which the error estimate is used.
 const FEWEST_ROUNDS: u64 = 4;
 
-/// Time between two files: writing one takes far less.
+/// Time between two checkpoints; writing one takes far less.
 const KEPT_EVERY: Duration = Duration::from_secs(30);
 
-/// Renders in rounds, up to [`Settings::rounds`] or until the error is estimated to be down to [`Settings::target_error`]; ends
-/// before a round that would exceed the observer's deadline, and drops the round under way where it asks to stop. The first
-/// round is finished in any case, unless nothing is wanted any more.
+/// Renders progressively, up to [`Settings::rounds`] or until the estimated error reaches [`Settings::target_error`]. The render ends
+/// before a round that would exceed the observer's deadline, and drops the current round where the observer asks to stop. The first
+/// round is always finished unless the observer cancels.
 ///
 /// # Errors
-/// Where the request makes no sense, or a file cannot be read. One that cannot be written is told of in
+/// If the request is not valid or a checkpoint cannot be read. A checkpoint that cannot be written is reported in
 /// [`Rendered::checkpoint_failure`].
 pub fn render_in_rounds(
     scene: &Scene,
@@ -159,7 +158,7 @@ pub fn render_in_rounds(
         }
     };
     let budget = photon_budget(scene, camera, plan, settings);
-    // Rounds that are gone on with stay as they are.
+    // A resumed render keeps its round size.
     let deadline = observer.deadline().filter(|_| state.header.statistics.done == 0);
     if let Some(deadline) = deadline {
         let budget = budget.as_ref();
@@ -201,9 +200,9 @@ struct Job<'a> {
     request: &'a RenderRequest,
     plan: &'a RenderPlan,
     glints: Option<Glints<'a>>,
-    /// Of what came before the rounds.
+    /// Warnings of the steps before the rounds.
     warnings: Vec<String>,
-    /// How photons of all rounds are shared out.
+    /// Allocation of photons to lights in all rounds.
     budget: Option<PhotonBudget>,
     observer: &'a dyn Observer,
 }
@@ -214,7 +213,7 @@ impl Job<'_> {
         Film::new(width, height, crop, layers)
     }
 
-    /// How maps are read in a round whose discs have this share of the first's area.
+    /// Lookup parameters for a round whose disc area is this share of the first round's.
     fn reading(&self, area: f64) -> PhotonMapSettings {
         let settings = &self.request.settings;
         let reading = settings.photon_map_settings(self.scene);
@@ -227,10 +226,11 @@ impl Job<'_> {
         }
     }
 
-    /// One round; `None` where it was stopped.
+    /// Renders one round. Returns `None` where it was stopped.
     fn round(&self, round: u64, area: f64) -> Result<Option<(Film, PassOne, PassTwoReport)>, RenderError> {
         let asked = &self.request.settings;
-        // Bins of fixed size would keep their bias, and samples shared out anew in each round their numbers.
+        // The fixed bins of illumination maps would keep their bias. Adaptive sample counts that change from round to round would not
+        // keep the numbering of samples.
         let settings = Settings {
             seed: law::photon_seed(asked.seed, round),
             illumination_maps: false,
@@ -262,7 +262,7 @@ impl Job<'_> {
     }
 }
 
-/// What a round is watched by: no progress of its own, and no part of a round is left out for want of time.
+/// Observer of one round. It reports no progress of its own and has no deadline, so no part of a round is left out for lack of time.
 struct RoundObserver<'a> {
     inner: &'a dyn Observer,
     is_first: bool,
@@ -274,7 +274,7 @@ impl Observer for RoundObserver<'_> {
     fn advance(&self, _done: u64) {}
 
     fn should_stop(&self) -> bool {
-        // What is left of the first round is no picture.
+        // A part of the first round is no picture, so only a cancellation stops it.
         if self.is_first { self.inner.is_cancelled() } else { self.inner.should_stop() }
     }
 }
@@ -283,12 +283,12 @@ struct Run<'a> {
     job: Job<'a>,
     state: Checkpoint,
     areas: Areas,
-    /// Of the rounds of this run.
+    /// Statistics of the rounds of this run.
     total: Option<Statistics>,
     stopped: bool,
-    /// When the state was last written.
+    /// Time when the checkpoint was last written.
     kept: Instant,
-    /// Why it could not be.
+    /// Why the checkpoint could not be written, where it failed.
     failure: Option<CheckpointError>,
 }
 
@@ -327,7 +327,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Writes the rounds so far, where they are to be kept. A disk that refuses does not cost the picture: it may have room later.
+    /// Writes a checkpoint of the rounds so far, where one is requested. A failed write does not end the render: the disk may have room
+    /// later.
     fn keep(&mut self, rounds: &Rounds) {
         if let Some(path) = &rounds.checkpoint {
             self.failure = self.state.write(path).err();
@@ -335,7 +336,7 @@ impl Run<'_> {
         }
     }
 
-    /// Whether a round like those before would end after the deadline.
+    /// Whether a round of mean length would end after the deadline.
     fn is_too_late(&self, start: Instant, rounds: u64) -> bool {
         let Some(deadline) = self.job.observer.deadline() else { return false };
         let mean = start.elapsed().as_secs_f64() / rounds.max(1) as f64;
@@ -345,7 +346,7 @@ impl Run<'_> {
 
     fn has_reached(&self) -> bool {
         let RoundStatistics { done, error, target_error, .. } = &self.state.header.statistics;
-        // Of equal halves, whose estimates are the most certain.
+        // Equal halves give the most certain estimates.
         let is_known = *done >= FEWEST_ROUNDS && done.is_multiple_of(2);
         matches!((error, target_error), (Some(error), &Some(target)) if is_known && error.error <= target)
     }
@@ -422,7 +423,7 @@ impl Run<'_> {
 }
 
 impl Statistics {
-    /// Adds a later round: times and what shadow photons took; of maps it has the last.
+    /// Adds a later round: sums times and counts of shadow photons, and keeps the map statistics of the last round.
     fn follow(&mut self, later: Self) {
         self.times.photons += later.times.photons;
         self.seconds_shadows += later.seconds_shadows;
@@ -435,7 +436,7 @@ impl Statistics {
         }
         (self.maps, self.irradiance_bytes, self.guide_bytes) =
             (later.maps, later.irradiance_bytes, later.guide_bytes);
-        // The same with other numbers is no news.
+        // A warning that differs from a known one only in its numbers is not repeated.
         let words = |text: &str| text.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
         for warning in later.warnings {
             if !self.warnings.iter().any(|known| words(known) == words(&warning)) {

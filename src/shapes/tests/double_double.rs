@@ -1,7 +1,9 @@
+//! Arithmetic in twice the precision of `f64`, for tests.
+
 use glam::DVec3;
 use std::ops::{Add, Mul, Sub};
 
-/// An unevaluated sum of two `f64`: about 106 bits, to judge what `f64` computed (Dekker 1971).
+/// An unevaluated sum of two `f64`: about 106 bits, to check results of `f64` (Dekker 1971).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DoubleDouble(f64, f64);
 
@@ -48,7 +50,7 @@ impl Mul for DoubleDouble {
     }
 }
 
-/// A vector of them.
+/// A vector of double-double numbers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Vector(pub(super) [DoubleDouble; 3]);
 

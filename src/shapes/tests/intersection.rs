@@ -1,3 +1,5 @@
+//! Tests of the intersection of rays with simple shapes.
+
 use super::super::roots::sphere_roots;
 use super::super::*;
 use super::double_double::Vector;
@@ -7,7 +9,7 @@ use crate::math::Ray;
 use crate::sampling::{Rng, Stream};
 use glam::Vec2;
 
-/// A shape, with the numbers it was made of.
+/// A shape with its parameters.
 #[derive(Clone, Copy, Debug)]
 enum Case {
     Sphere { center: DVec3, radius: f64, shape: Sphere },
@@ -133,7 +135,7 @@ fn refined_points_are_on_the_surface() {
             let residual = case.residual(point.position);
             assert!(residual.abs() <= bound, "{case:?}: {residual} over {bound}");
             assert!((point.normal.length() - 1.0).abs() < 1e-14);
-            // The bound is worth something: no more than a few units of f64 in the numbers involved.
+            // The bound is tight: at most a few units of f64 in the numbers involved.
             let size = point.position.abs().max_element() + case.shape().bounds(0).radius();
             assert!(point.error.max_element() < 1e-13 * (1.0 + size) as f32, "{case:?}: {}", point.error);
         }
@@ -148,7 +150,7 @@ fn refined_points_are_on_the_ray() {
             let off = (point.position - origin).cross(direction).length();
             let bounds = case.shape().bounds(0);
             let size = origin.length() + bounds.center().length() + bounds.radius();
-            // What the surface moves by rounding, the hit moves by over the cosine.
+            // Rounding that moves the surface moves the hit by that distance over the cosine.
             let cos = direction.dot(point.normal).abs().max(1e-8);
             assert!(off < 1e-14 * size / cos, "{case:?}: {off}, cos {cos}");
             // And t is the f32 nearest to it.
@@ -269,7 +271,7 @@ fn known_hits() {
     assert!(all(&sphere, [0.0, 1.1, 0.0], [0.0, 0.0, 1.0]).is_empty());
     let cylinder = Cylinder::new(DVec3::ZERO, DVec3::new(0.0, 2.0, 0.0), 1.0).unwrap();
     assert_eq!(all(&cylinder, [-3.0, 1.0, 0.0], [1.0, 0.0, 0.0]), [2.0, 4.0]);
-    // In at the open top, out through the side; along the axis; past the end; exactly at the rim.
+    // Rays that enter at the open top and leave through the side; along the axis; past the end; exactly at the rim.
     assert_eq!(all(&cylinder, [0.0, 3.0, 0.0], [0.5, -1.0, 0.0]), [2.0]);
     assert!(all(&cylinder, [0.5, 3.0, 0.0], [0.0, -1.0, 0.0]).is_empty());
     assert!(all(&cylinder, [-3.0, 2.001, 0.0], [1.0, 0.0, 0.0]).is_empty());
@@ -279,7 +281,7 @@ fn known_hits() {
     assert_eq!(all(&disc, [1.9, -3.0, 0.0], [0.0, 1.0, 0.0]), [3.0]);
     assert!(all(&disc, [2.1, 3.0, 0.0], [0.0, -1.0, 0.0]).is_empty());
     assert!(all(&disc, [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]).is_empty());
-    // A shell 4e-5 around a sphere is still told from it.
+    // A shell 4e-5 around a sphere is still distinguished from it.
     let shell = Sphere::new(DVec3::new(0.0, 0.0, 5.0), 1.0 + 4e-5).unwrap();
     let gap = all(&sphere, [0.0; 3], [0.0, 0.0, 1.0])[0] - all(&shell, [0.0; 3], [0.0, 0.0, 1.0])[0];
     assert!((gap - 4e-5).abs() < 5e-7, "{gap}");
@@ -299,7 +301,7 @@ fn the_interval_is_open_below_and_closed_above() {
             let mut all = Vec::new();
             case.shape().intersect_all(0, &ray, &mut all);
             assert_eq!(all.iter().copied().fold(f32::INFINITY, f32::min), t);
-            // Between two hits only the first counts.
+            // A ray that ends between two hits has only the first.
             ray.t_max = t + (all.iter().copied().fold(t, f32::max) - t) * rng.next_f32();
             assert_eq!(case.shape().intersect(0, &ray), Some(t));
             ray.t_max = t.next_down();

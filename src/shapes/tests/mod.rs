@@ -1,3 +1,5 @@
+//! Tests of shapes, and their random numbers.
+
 mod double_double;
 mod intersection;
 mod objects;

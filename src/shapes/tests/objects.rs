@@ -7,7 +7,7 @@ use crate::sampling::{Rng, Stream};
 use glam::{DAffine3, DMat3, DVec2};
 use std::sync::Arc;
 
-/// A body with the numbers it was made of.
+/// A body with its parameters.
 #[derive(Clone, Copy, Debug)]
 enum Body {
     Ball { center: DVec3, radius: f64 },
@@ -128,7 +128,7 @@ fn ray_between(origin: DVec3, target: DVec3, rng: &mut Rng) -> Ray {
     Ray::new(origin, direction.as_vec3())
 }
 
-/// A ray that points to the body, or past it; and every second one grazes the place where the first hit.
+/// A ray towards the body or past it; every second ray grazes the hit of the one before.
 fn ray_at(shape: &Csg, rng: &mut Rng) -> Ray {
     let (center, radius) = shape.around();
     let distance = radius * random_magnitude(rng, -3.0, 3.0);
@@ -168,7 +168,7 @@ fn refined_points_are_on_bodies_and_rays() {
                 "{body:?}"
             );
             assert!((point.normal.length() - 1.0).abs() < 1e-14);
-            // The normal is that of the distance: outward it grows.
+            // The distance grows along the normal.
             let (center, radius) = shape.around();
             let step = point.normal * (1e-4 * radius.min(smallest(&body)));
             assert!(body.distance(point.position + step) > body.distance(point.position), "{body:?}");
@@ -348,7 +348,7 @@ fn known_bodies() {
     let radii = [1.0, f64::INFINITY];
     let lens = Csg::of(Solid::lens(DVec3::ZERO, DVec3::Z, 0.8, 0.5, radii).unwrap());
     assert_eq!(all(&lens, [0.0, 0.0, 3.0], [0.0, 0.0, -1.0]), [2.75, 3.25]);
-    // A hole through a box whose ends lie in its faces: nothing is left of them.
+    // A hole through a box whose ends are coplanar with its faces leaves no face there.
     let drill = Csg::of(Solid::cylinder(DVec3::ZERO, DVec3::Y, 0.2).unwrap());
     let unit = Csg::of(Solid::cuboid(DVec3::new(-0.5, 0.0, -0.5), DVec3::new(0.5, 1.0, 0.5)).unwrap());
     let drilled = unit.combined(CsgOperation::Difference, &drill).unwrap();
@@ -362,7 +362,7 @@ fn known_bodies() {
         )
         .unwrap();
     assert_eq!(all(&pair, [-1.0, 0.5, 0.5], [1.0, 0.0, 0.0]), [1.0, 3.0]);
-    // What is cut out of nothing, and too much.
+    // A difference that is empty, and too many bodies.
     let nothing = cuboid(0.0, 1.0).combined(CsgOperation::Difference, &cuboid(-1.0, 2.0)).unwrap();
     assert!(all(&nothing, [-3.0, 0.5, 0.5], [1.0, 0.0, 0.0]).is_empty());
     let mut many = cuboid(0.0, 1.0);
@@ -475,7 +475,7 @@ fn a_flake_of_a_billion_spheres_is_small_and_exact() {
         // Twelve roundings in each generation, and the smallest radius is 2e-5.
         assert!(off < 1e-13 / cos.max(1e-6), "{off}, cos {cos}");
         assert!(direction.dot(point.normal) < 0.0);
-        // A ray that leaves outward from a bound of its own does not meet the same place again.
+        // A ray that starts outside the error bound and points outward does not hit the same point again.
         let away = point.normal.as_vec3();
         let start = (point.position + point.normal * 4e-7).as_vec3();
         let again = flake.intersect(block, &Ray::new(start, away)).unwrap_or(1.0);

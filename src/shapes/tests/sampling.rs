@@ -1,3 +1,5 @@
+//! Tests of sampling by area and by solid angle.
+
 use super::super::*;
 use super::{random_direction, random_magnitude, random_point};
 use crate::bsdf::chi_square::ChiSquare;
@@ -13,7 +15,7 @@ fn quad(corner: DVec3, edge_u: DVec3, edge_v: DVec3) -> EmitterShape {
     EmitterShape::Quad(Quad::new(corner, edge_u, edge_v).unwrap())
 }
 
-/// One of each kind, a skewed parallelogram among them.
+/// One shape of each kind, and a skewed parallelogram.
 fn random_shapes(rng: &mut Rng) -> [EmitterShape; 6] {
     let (p, size) = (random_point(rng), random_magnitude(rng, -6.0, 1.0));
     let (x, y) = tangents(random_direction(rng));
@@ -137,8 +139,7 @@ fn mean_of_the_inverse_density_is_the_solid_angle() {
     let disc = Disc::new(DVec3::Z, DVec3::Z, 1.0).unwrap();
     let (mean, sigma) = estimate(&EmitterShape::Disc(disc), reference, 100_000, |_, _| 1.0);
     assert!((mean - TAU * (1.0 - 0.5f64.sqrt())).abs() < 4.0 * sigma, "{mean} +- {sigma}");
-    // From inside, a sphere covers everything, with the same density everywhere; on its wall a direction that leads out at
-    // once may miss.
+    // From inside, a sphere covers all directions with uniform density. On its surface, a direction that leaves at once may miss.
     for (x, sigma_max) in [(0.0, 1e-6), (0.5, 1e-6), (0.9, 1e-6), (1.0 - 1e-15, 0.1)] {
         let (mean, sigma) = estimate(&sphere(DVec3::new(x, 0.0, 0.0), 1.0), reference, 100_000, |_, _| 1.0);
         assert!((mean - 2.0 * TAU).abs() < 4.0 * sigma + 1e-5 && sigma <= sigma_max, "{mean} +- {sigma}");
@@ -258,7 +259,7 @@ fn samples_agree_with_the_density() {
             let Some(sample) = shape.sample_solid_angle(reference, rng.next_2d()) else { continue };
             found += 1;
             let pdf = shape.pdf_solid_angle(reference, sample.position);
-            // By area, the cosine of a point nearly edge-on is as exact as its distance from the plane.
+            // Sampled by area, the cosine of a point seen nearly edge-on is as accurate as its distance from the plane.
             let to = (sample.position - reference).normalize();
             let tolerance = 1e-6 + 1e-9 / to.dot(sample.normal).abs() as f32;
             assert!(
@@ -290,7 +291,7 @@ fn sphere_cone_at_the_extremes() {
                 let pdf = f64::from(sample.pdf_solid_angle);
                 assert!((pdf / want - 1.0).abs() < 1e-6, "{ratio}: {pdf} {want}");
                 assert!((sample.position.length() / radius - 1.0).abs() < 1e-15);
-                // The near side, and at the angle that was asked for.
+                // The point is on the near side and at the requested angle.
                 let to = reference - sample.position;
                 assert!(
                     to.dot(sample.normal) >= -1e-15 * reference.z,
