@@ -67,7 +67,7 @@ fn single_scattering_of_a_point_light() {
         ("scattering = 0.5\nabsorption = 0.5", (0.25, 2.0, 4.0), 0.043_710_056),
     ] {
         let what = format!("{medium} {way:?}");
-        assert_shows(&what, &beside_a_ray(medium, way), &paths(4096, Some(1)), want);
+        assert_shows(&what, &beside_a_ray(medium, way), &paths(1024, Some(1)), want);
     }
 }
 
@@ -118,7 +118,7 @@ fn slabs_reflect_as_tabled() {
         // Between faces of glass, whose first reflection is 0.04.
         ("ior = 1.5\nscattering = 0.9\nabsorption = 0.1", 2.0, 0.213_076 + 0.04),
     ] {
-        assert_shows(&format!("{medium}, {thickness}"), &slab(medium, thickness), &paths(1024, None), want);
+        assert_shows(&format!("{medium}, {thickness}"), &slab(medium, thickness), &paths(512, None), want);
     }
 }
 
@@ -158,7 +158,7 @@ fn furnaces_are_even() {
         "ior = 1.33\nscattering = 5.0\ng = 0.5",
         "scattering = 1.0\nabsorption = 2.0\nemission = 2.0",
     ] {
-        assert_shows(medium, &furnace(medium), &paths(256, None), 1.0);
+        assert_shows(medium, &furnace(medium), &paths(128, None), 1.0);
     }
 }
 
@@ -171,11 +171,11 @@ fn the_border_of_a_fog_is_no_surface() {
             + "[materials.white]\ntype = \"lambert\"\nreflectance = 0.5\n[[shapes]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\n\
                radius = 0.4\nmaterial = \"white\"\n[[lights]]\ntype = \"point\"\nposition = [0, 5, 5]\npower = 1000.0\n"
     };
-    let shot = Stage::new(&text(clear), (16, 16)).shoot(&paths(1024, None));
+    let shot = Stage::new(&text(clear), (16, 16)).shoot(&paths(256, None));
     let without = text(clear)
         .replace("material = \"border\"", "material = \"white\"")
         .replace("radius = 1\n", "radius = 0.4\n");
-    let bare = Stage::new(&without, (16, 16)).shoot(&paths(1024, None));
+    let bare = Stage::new(&without, (16, 16)).shoot(&paths(256, None));
     for part in ["direct", "indirect", "emission"] {
         let (a, b) = (shot.mean(part)[1], bare.mean(part)[1]);
         assert!((a - b).abs() < 0.02 * b.max(0.1), "{part}: {a} in the body, {b} without it");
