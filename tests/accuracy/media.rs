@@ -162,6 +162,31 @@ fn furnaces_are_even() {
     }
 }
 
+/// Furnaces stay even where numbers are large or small: optical depths from 1e-6 to 1e6, phase functions that are nearly deltas,
+/// channels that differ a thousandfold, bodies of a micrometre and of a thousand kilometres, eyes inside.
+#[test]
+fn furnaces_are_even_at_the_extremes() {
+    for medium in [
+        "scattering = 1e-6",
+        "scattering = 0.0",
+        "scattering = 200.0",
+        "scattering = 10.0\ng = 0.999",
+        "scattering = 10.0\ng = -0.999",
+        "scattering = [0.02, 0.4, 20.0]",
+        "scattering = 5e5\nabsorption = 5e5\nemission = 5e5",
+        "scattering = 1e-6\nabsorption = 1e-6\nemission = 1e-6",
+        "ior = 2.4\nscattering = 1.0\ng = 0.9",
+    ] {
+        assert_shows(medium, &furnace(medium), &paths(32, None), 1.0);
+    }
+    // The same body in other units: coefficients are per unit of length of the file.
+    for unit in ["unit = 1e-6\n", "unit = 1e6\n"] {
+        assert_shows(unit, &(unit.to_owned() + &furnace("scattering = 3.0\ng = 0.5")), &paths(64, None), 1.0);
+    }
+    let inside = furnace("scattering = 3.0").replace("eye = [0, 0, 4]", "eye = [0, 0, 0.3]");
+    assert_shows("eye inside", &inside, &paths(64, None), 1.0);
+}
+
 /// A border of matched index is no surface: neither shadow rays nor the camera see it, and what a clear body holds is lit directly.
 #[test]
 fn the_border_of_a_fog_is_no_surface() {

@@ -3,8 +3,9 @@
 use super::super::description::{
     MaterialDescription, MediumDescription, Named, SceneDescription, VolumeDescription,
 };
+use super::BuildError;
 use crate::math::Bounds3;
-use crate::media::{Medium, Volume};
+use crate::media::{CoefficientError, Medium, Volume};
 use crate::scene::RenderSpace;
 use std::cmp::Reverse;
 use std::sync::Arc;
@@ -14,27 +15,33 @@ pub(super) fn media(
     description: &SceneDescription,
     space: &RenderSpace,
     placed: &[(usize, Bounds3)],
-) -> Vec<Medium> {
+) -> Result<Vec<Medium>, BuildError> {
     let ranks = ranks(description, placed);
-    let medium = |(medium, rank): (&Named<MediumDescription>, u32)| Medium {
-        name: medium.name.clone(),
-        ior: medium.value.ior as f32,
-        absorption: (medium.value.absorption / space.scale).as_vec3(),
-        volume: medium.value.volume.as_ref().map(|volume| Arc::new(in_render_space(volume, space))),
-        rank,
+    let medium = |(medium, rank): (&Named<MediumDescription>, u32)| {
+        let volume = medium.value.volume.as_ref().map(|volume| in_render_space(volume, space)).transpose();
+        let volume = volume.map_err(|error| BuildError {
+            location: medium.location.clone(),
+            object: format!("medium `{}`", medium.name),
+            problem: error.into(),
+        })?;
+        Ok(Medium {
+            name: medium.name.clone(),
+            ior: medium.value.ior as f32,
+            absorption: (medium.value.absorption / space.scale).as_vec3(),
+            volume: volume.map(Arc::new),
+            rank,
+        })
     };
     description.media.iter().zip(ranks).map(medium).collect()
 }
 
 /// A volume with coefficients per unit of render space, and with its emission in render units of radiance.
-fn in_render_space(volume: &VolumeDescription, space: &RenderSpace) -> Volume {
-    let metres = (1.0 / space.scale) as f32;
+fn in_render_space(volume: &VolumeDescription, space: &RenderSpace) -> Result<Volume, CoefficientError> {
     let coefficients = volume.coefficients;
-    // The scene reader has checked the coefficients, so scaling keeps them in range.
     let scaled = coefficients
-        .with_emission(coefficients.emission() * space.power as f32)
-        .and_then(|coefficients| coefficients.per_length(metres));
-    Volume::homogeneous(scaled.unwrap_or(coefficients), volume.phase)
+        .with_emission(coefficients.emission() * space.power as f32)?
+        .per_length((1.0 / space.scale) as f32)?;
+    Ok(Volume::homogeneous(scaled, volume.phase))
 }
 
 /// Rank of each medium where bodies overlap: by the priority in the scene, then the smaller body before the larger one (ice

@@ -13,7 +13,7 @@ use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
     CameraDescription, EmissionDescription, FilmDescription, GeometryDescription, IlluminationDescription,
-    Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
+    Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription, VolumeDescription,
 };
 use super::gltf::{GltfError, is_gltf_file};
 use super::ies::IesError;
@@ -24,8 +24,8 @@ use crate::camera::{Camera, Lens};
 use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::image_io::ImageError;
 use crate::lights::{AreaLight, Light};
-use crate::math::Bounds3;
-use crate::media::{MOST_MEDIA_OF_SCENE, MediumId};
+use crate::math::{Bounds3, Rgb};
+use crate::media::{CoefficientError, MOST_MEDIA_OF_SCENE, MediumId};
 use crate::observer::{Observer, Silent};
 use crate::scene::{
     Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
@@ -115,6 +115,9 @@ pub enum BuildProblem {
     /// More media than rays can distinguish.
     #[error("{0} media, of which at most {MOST_MEDIA_OF_SCENE} can be told apart; let bodies share theirs")]
     Media(usize),
+    /// Coefficients of a medium that single precision cannot hold at the scale of the scene.
+    #[error("{0} (at the scale of this scene)")]
+    Medium(#[from] CoefficientError),
     /// An error of Embree.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
@@ -234,7 +237,7 @@ pub fn build_scene_watched(
         surfaces,
         materials: materials(description),
         textures: textures(description),
-        media: media::media(description, &space, &placed),
+        media: media::media(description, &space, &placed)?,
         lights,
         space,
         bounds: (space.position(bounds.center()).as_vec3(), radius),
@@ -393,7 +396,10 @@ impl<'a> Builder<'a> {
 
     /// Warns about a scene without light. `flux` is the largest channel of the flux of all lights.
     fn warn_of_darkness(&mut self, flux: f64) {
-        if flux > 0.0 {
+        let glows = |volume: &VolumeDescription| volume.coefficients.emission() != Rgb::ZERO;
+        let has_glow =
+            self.description.media.iter().any(|medium| medium.value.volume.as_ref().is_some_and(glows));
+        if flux > 0.0 || has_glow {
             return;
         }
         let is_gltf = is_gltf_file(&self.description.location.file);

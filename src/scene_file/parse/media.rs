@@ -103,9 +103,9 @@ fn read_volume(
         let message = format!("{} has both `phase` and `g`", table.title());
         return table.refuse(message, "keep `g` for a phase function of Henyey and Greenstein, or `phase`");
     }
-    if absorption != DVec3::ZERO && (preset.is_some() || by_albedo) {
+    if absorption != DVec3::ZERO && (preset.is_some() || by_albedo || visibility.is_some()) {
         let message = format!("{} gives absorption twice", table.title());
-        return table.refuse(message, "leave out `absorption`; the preset or the albedo contains it");
+        return table.refuse(message, "leave out `absorption`, which the preset, the albedo or the visibility says, or use `scattering`");
     }
     if !ways.contains(&true) && emission.is_none() {
         if phase.is_some() || cosine.is_some() || density != 1.0 {
