@@ -13,7 +13,7 @@ demo: setup
 	@echo "The picture: $(PICTURE), and for any viewer $(PICTURE:.exr=.png)"
 
 test: setup
-	cargo test --release --workspace
+	CARDIOID_OPENVDB=required cargo test --release --workspace
 
 # All tests under each instruction set that this machine has, the best one last.
 test-isa: setup

@@ -19,6 +19,7 @@
 #include <string>
 #include <vector>
 
+#include <algorithm>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -63,6 +64,9 @@ std::string take_text()
 
 void limit(int what, rlim_t most)
 {
+  // A limit that holds already and is lower cannot be raised.
+  rlimit now{};
+  if (getrlimit(what, &now) == 0) most = std::min(most, now.rlim_max);
   const rlimit both{most, most};
   if (setrlimit(what, &both) != 0) fail("its limits cannot be set");
 }
@@ -145,7 +149,7 @@ void send_voxels(const openvdb::GridBase::Ptr& chosen)
     put<uint32_t>(2);
     put_origin(leaf->origin());
     float values[512];
-    for (openvdb::Index at = 0; at < 512; ++at) values[at] = leaf->getValue(at);
+    for (openvdb::Index at = 0; at < 512; ++at) values[at] = leaf->isValueOn(at) ? leaf->getValue(at) : 0.0f;
     put(values);
   }
   put<uint32_t>(0);

@@ -125,3 +125,10 @@ fn broken_files_end() {
     }
     assert!(read > 0 && refused > 5, "{read} {refused}");
 }
+
+/// The other tests pass where OpenVDB is not installed; where it must be, this one does not.
+#[test]
+fn the_reader_is_there_where_it_is_required() {
+    let is_required = std::env::var_os("CARDIOID_OPENVDB").is_some_and(|value| value == "required");
+    assert!(!is_required || is_compiled(), "the reader was not compiled: run ./setup.sh");
+}

@@ -61,6 +61,12 @@ impl Medium {
         Rgb::new((-depth.x).exp(), (-depth.y).exp(), (-depth.z).exp())
     }
 
+    /// Whether it absorbs anything, in its volume too.
+    pub fn absorbs(&self) -> bool {
+        let in_volume = |volume: &Arc<Volume>| volume.coefficients().absorption() != Rgb::ZERO;
+        !self.is_clear() || self.volume.as_ref().is_some_and(in_volume)
+    }
+
     /// True where [`Self::absorption`] is zero; a `volume` is ignored.
     #[inline]
     pub fn is_clear(&self) -> bool {

@@ -166,7 +166,7 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Along `line`, for about so many collisions per unit of majorant and length.
+    /// Along `line`, for at most about so many collisions per unit of majorant and length.
     fn new(density: &'a Density, line: &Line, t_max: f64, rate: f64, rng: &mut Rng) -> Self {
         let segments = density.segments(line, t_max, MOST_NULL / rate);
         Self { segments, present: None, budget: free_depth(rng), depth: 0.0 }
@@ -242,7 +242,8 @@ impl Volume {
 
     fn track(&self, line: &Line, t_max: f64, rates: &Rates, channels: &Channels, rng: &mut Rng) -> Flight {
         let rate = rates.total[channels.picked];
-        let mut walk = Walk::new(self.density(), line, t_max, rate, rng);
+        // Not the rate of the picked channel: the weights take every channel to walk over the same segments.
+        let mut walk = Walk::new(self.density(), line, t_max, rates.total.max_element(), rng);
         let mut emitted = DVec3::ZERO;
         let mut passed = Passed::default();
         while let Some((t, segment)) = walk.next(rate, rng) {

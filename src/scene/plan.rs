@@ -309,7 +309,7 @@ impl Facts {
             }),
             specular: count(Material::is_specular),
             glossy: count(Material::has_glossy),
-            absorbing: scene.media().iter().filter(|medium| !medium.is_clear()).count(),
+            absorbing: scene.media().iter().filter(|medium| medium.absorbs()).count(),
             wide_lights: scene.lights().iter().filter(|light| light.needs_bsdf_sampling()).count(),
             geometry: geometry_kinds(scene),
         }

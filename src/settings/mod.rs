@@ -33,8 +33,3 @@ pub use kind::{Asked, Kind, Parameter, count, count_within, memory};
 pub use page::page;
 pub use row::{Defaults, Group, Knob, Maps, Part, Setting, Shortcut, Turn};
 pub use table::{Overrides, SETTINGS, SHORTCUTS, Settings};
-
-/// The setting of this name, with dashes; `None` where there is none.
-pub fn setting(name: &str) -> Option<&'static Setting> {
-    SETTINGS.iter().find(|setting| setting.name == name)
-}

@@ -16,7 +16,7 @@ const HEAD: &str = "\
 <!-- Made from src/settings/table.rs; `CARDIOID_UPDATE_PAGES=1 cargo test --lib settings::page` writes it anew. -->
 
 Every setting has one name: `--spp 64` on the command line, `spp = 64` under `[render]` in a scene file, `\"spp\": 64` in `--stats`
-and in the metadata of pictures. The limits are the same everywhere. The command line goes over the scene file, and that over the
+and in the metadata of pictures (but for `cone-k`, which is part of `kernel` there). The limits are the same everywhere. The command line goes over the scene file, and that over the
 preset, which `quality` names. Large numbers may be written `200_000` or `2e5`, on the command line also `200k` or `0.2M`.
 
 *Default* has one value where all presets agree; otherwise those of `draft`, `preview`, `final` and `reference`, and after \"in
@@ -169,7 +169,7 @@ fn saved_maps() -> String {
     };
     format!(
         "\n## Saved photon maps\n\nPhotons in a file of `cardioid photons` ([photon-map-files.md](photon-map-files.md)) depend on {}, and \
-         on their\nnumber ({}). The irradiance in it is computed anew where one of these\ndiffers: {}. No other setting matters to the file.\n",
+         on their\nnumber ({}). The irradiance in it is computed anew where one of these\ndiffers: {}; `precomputed-irradiance` decides whether it is there. No other setting matters to the\nfile.\n",
         names(Maps::Photons),
         names(Maps::Counts),
         names(Maps::Irradiance)

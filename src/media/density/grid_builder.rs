@@ -16,8 +16,9 @@ const FARTHEST: i32 = 1 << 28;
 /// Most nodes of 128^3 voxels in the box around all voxels: a table of 16 MB.
 const MOST_NODES: i64 = 1 << 22;
 
-/// Most leaves of a grid, those of tiles included.
-const MOST_LEAVES: usize = 1 << 26;
+/// Most leaves of a grid, those of tiles included: 1600^3 voxels in all. A tile takes no voxels, but its leaves have entries, and a file of
+/// a few kilobytes can ask for any number of tiles.
+const MOST_LEAVES: usize = 1 << 23;
 
 /// Collects leaves, and makes a [`Grid`] of them.
 #[derive(Clone, Debug, Default)]
@@ -97,7 +98,8 @@ impl GridBuilder {
         }
         let value = self.refused.checked(value);
         let side = side / LEAF_SIDE;
-        if u64::from(side).pow(3) > (MOST_LEAVES - self.leaves.len()) as u64 {
+        let room = (MOST_LEAVES - self.leaves.len()) as u64;
+        if u64::from(side).checked_pow(3).is_none_or(|leaves| leaves > room) {
             return Err(GridError::TooManyLeaves);
         }
         let side = side as i32;
@@ -235,10 +237,10 @@ fn place_nodes(grid: &mut Grid, leaves: &[([i32; 3], Content)]) -> Result<(), Gr
     let Some(high) = corners().reduce(IVec3::max) else { return Ok(()) };
     grid.first_node = (low - 1) >> NODE_BITS as i32;
     grid.nodes = (high >> NODE_BITS as i32) - grid.first_node + 1;
-    let count: i64 = grid.nodes.to_array().iter().map(|&n| i64::from(n)).product();
-    if grid.nodes.max_element() as i64 > MOST_NODES || count > MOST_NODES {
+    let count = grid.nodes.to_array().iter().try_fold(1i64, |count, &n| count.checked_mul(n.into()));
+    let Some(count) = count.filter(|&count| count <= MOST_NODES) else {
         return Err(GridError::TooWide((high - low + 1) << LEAF_BITS as i32));
-    }
+    };
     grid.node_table = vec![NOTHING; count as usize];
     let mut used = 0;
     for leaf in leaves.iter().flat_map(|(leaf, _)| reached(*leaf)) {
@@ -450,12 +452,19 @@ mod tests {
         assert!(matches!(builder.tile(IVec3::ONE, 8, 1.0), Err(GridError::Misaligned(_))));
         assert!(matches!(builder.tile(IVec3::ZERO, 12, 1.0), Err(GridError::Misaligned(_))));
         assert!(matches!(builder.tile(IVec3::ZERO, 4096, 1.0), Err(GridError::TooManyLeaves)));
+        assert!(matches!(builder.tile(IVec3::ZERO, 1 << 25, 1.0), Err(GridError::TooManyLeaves)));
         assert!(matches!(builder.tile(IVec3::splat(i32::MAX - 7), 8, 1.0), Err(GridError::TooFar(_))));
         assert!(builder.dense(IVec3::ZERO, IVec3::splat(i32::MAX), |_| 1.0).is_err());
         builder.tile(IVec3::ZERO, 8, 1.0).unwrap();
         for bad in [DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)), DAffine3::from_translation(DVec3::NAN)] {
             assert!(matches!(builder.clone().finish(bad), Err(GridError::Transform)));
         }
+        // So far apart that the product of the sides overflows.
+        let mut wide = builder.clone();
+        for corner in [-200_000_000, 200_000_000] {
+            wide.tile(IVec3::splat(corner), 8, 1.0).unwrap();
+        }
+        assert!(matches!(wide.finish(DAffine3::IDENTITY), Err(GridError::TooWide(_))));
         builder.tile(IVec3::splat(1 << 27), 8, 1.0).unwrap();
         assert!(matches!(builder.finish(DAffine3::IDENTITY), Err(GridError::TooWide(_))));
     }

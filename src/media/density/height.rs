@@ -116,7 +116,8 @@ impl HeightFog {
                     None => piece.t0 + depth,
                     Some(height) => piece.t0 + distance_from(height, piece.rise, depth),
                 };
-                return Some(t.min(piece.t1));
+                // Rounding may put the last depth of an endless line out of reach.
+                return Some(t.min(piece.t1)).filter(|t| t.is_finite());
             }
             depth -= whole;
         }

@@ -35,8 +35,10 @@ fn read_setting(table: &mut Table<'_>, setting: &Setting, unit: f64) -> Option<O
     };
     match setting.kind {
         Kind::Choice { parameter: Some(parameter), .. } => {
-            let choice = table.optional(setting.name, read)?;
-            read_parameter(table, setting.name, choice, &parameter)
+            let choice = table.optional(setting.name, read);
+            // Read whatever the choice is, so that it is no unknown key.
+            let found = read_parameter(table, setting.name, choice.flatten(), &parameter);
+            choice.and(found)
         }
         // Absent, and not among the keys that are suggested for misspelt ones.
         _ if !setting.not_in_scene_files.is_empty() && table.peek(setting.name).is_none() => Some(None),
@@ -55,7 +57,7 @@ fn read_value(value: Value<'_>, kind: &Kind, unit: f64) -> Option<Asked> {
             let length = value.number_if("a length above zero", LENGTH, |x| kind.holds(x))?;
             Some(Asked::Number(length * unit))
         }
-        Kind::Memory => value.integer(1..=u64::MAX).map(Asked::Count),
+        Kind::Memory => value.refuse("no size of memory", "give it on the command line"),
         Kind::Choice { names, .. } => {
             let names: Vec<_> = names.iter().map(|named| (named.name, named.name)).collect();
             value.choice(&names).map(|name| Asked::Choice(name, None))
