@@ -103,7 +103,9 @@ impl Scene {
         let [near, far] = self.sides(&current, hit)?;
         let [a, b] = [near, far].map(|id| self.medium(id));
         let is_matched = a.ior == b.ior && (a.volume.is_some() || b.volume.is_some());
-        let is_smooth = matches!(self.material(hit), Material::Dielectric { .. });
+        // What emits is there for every ray.
+        let is_smooth =
+            matches!(self.material(hit), Material::Dielectric { .. }) && self.surface(hit).light.is_none();
         if near != far && !(is_matched && is_smooth) {
             return None;
         }

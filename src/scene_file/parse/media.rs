@@ -61,7 +61,9 @@ fn read_medium(mut table: Table<'_>, unit: f64) -> Option<MediumDescription> {
             let usual = preset.flatten().map_or(1.0, |preset| f64::from(preset.ior()));
             table.or("ior", usual, |value| value.number(&IOR))
         }
-        _ => table.required("ior", IOR.example, |value| value.number(&IOR)),
+        Some(None) => table.required("ior", IOR.example, |value| value.number(&IOR)),
+        // What is wrong has been said; perhaps the medium scatters.
+        None => table.optional("ior", |value| value.number(&IOR)).flatten(),
     };
     let priority = table.or("priority", 0, |value| Some(value.number(&PRIORITY)? as i32));
     table.finish();
