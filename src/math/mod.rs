@@ -5,6 +5,7 @@
 //! with higher demands on precision, use `f64`.
 
 mod bounds;
+mod equal_area;
 mod frame;
 mod octahedral;
 mod ray;
@@ -12,6 +13,7 @@ mod rgbe;
 pub mod rounding;
 
 pub use bounds::Bounds3;
+pub use equal_area::{equal_area_direction, equal_area_square};
 pub use frame::Frame;
 pub use octahedral::{octahedral_decode, octahedral_encode, octahedral_encode_two};
 pub use ray::Ray;

@@ -551,10 +551,12 @@ pub enum LightDescription {
         /// Radiance, W/(m^2 sr).
         radiance: DVec3,
     },
-    /// An image of the radiance from outside the scene, in longitude and latitude.
+    /// An image of the radiance from outside the scene.
     EnvironmentMap {
         /// The picture.
         image: PathBuf,
+        /// How directions lie in it.
+        layout: EnvironmentLayout,
         /// Rotation about the vertical axis, counter-clockwise as seen from above, radians.
         turn: f64,
         /// Orthonormal axes, possibly mirrored, to which x, y and z of the rotated picture are mapped; `None` where the picture
@@ -595,8 +597,10 @@ pub enum LightDescription {
     },
     /// A point light with a measured intensity distribution.
     Profile {
-        /// The photometric file.
+        /// The file.
         file: PathBuf,
+        /// What kind of file it is.
+        layout: ProfileLayout,
         /// Position, metres.
         position: DVec3,
         /// Direction of the file's nadir, any length.
@@ -605,6 +609,27 @@ pub enum LightDescription {
         along: DVec3,
         /// Brightness of the light.
         brightness: ProfileBrightness,
+    },
+}
+
+/// How directions lie in an image of all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EnvironmentLayout {
+    /// Longitude and latitude, from +y down.
+    LatitudeLongitude,
+    /// An octahedron whose faces have the area of their directions (Clarberg 2008), with +z in the middle of the square.
+    EqualArea,
+}
+
+/// The kind of file that holds the intensity for each direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ProfileLayout {
+    /// Text of IES LM-63.
+    Photometric,
+    /// An image as of [`EnvironmentLayout::EqualArea`], with its middle at the light's direction.
+    EqualArea {
+        /// Whether azimuths run the other way around.
+        is_mirrored: bool,
     },
 }
 

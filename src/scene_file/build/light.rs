@@ -1,14 +1,14 @@
 //! Lights without a surface: reads their files and scales them to render space.
 
 use super::BuildProblem;
-use crate::image_io::Layer;
 use crate::lights::{
     Cone, DirectionalLight, EnvironmentLight, EnvironmentMap, Light, PointLight, Profile, SUN_ANGULAR_RADIUS,
     Sky, SpotLight, SunLight,
 };
 use crate::math::{Rgb, unit_f64};
 use crate::scene::RenderSpace;
-use crate::scene_file::description::{LightDescription, ProfileBrightness};
+use crate::scene_file::description::{EnvironmentLayout, LightDescription, ProfileBrightness, ProfileLayout};
+use crate::scene_file::directions::{colours_of, latitude_longitude, mean, profile_table};
 use crate::scene_file::ies::read_ies;
 use crate::textures::read_picture;
 use glam::{DMat3, DVec3};
@@ -74,8 +74,9 @@ impl LightSource {
                 Self::Directional { direction, irradiance }
             }
             LightDescription::Environment { radiance } => Self::Environment { radiance },
-            LightDescription::EnvironmentMap { ref image, turn, axes, factor } => {
-                Self::Map { map: Arc::new(read_map(image, &mut findings)?), turn, axes, factor }
+            LightDescription::EnvironmentMap { ref image, layout, turn, axes, factor } => {
+                let (map, mended) = read_map(image, layout, &mut findings)?;
+                Self::Map { map: Arc::new(map), turn, axes, factor: factor * mended }
             }
             LightDescription::Sky { elevation, azimuth, turbidity, albedo, factor, sun, axes } => {
                 let sky =
@@ -88,13 +89,22 @@ impl LightSource {
             LightDescription::Spot { position, direction, intensity, inner, outer } => {
                 Self::Spot { position, direction, intensity, cone: Cone::new(inner, outer) }
             }
-            LightDescription::Profile { ref file, position, direction, along, brightness } => {
-                let ies = read_ies(file)?;
-                findings
-                    .extend(ies.warnings.into_iter().map(|warning| format!("{}: {warning}", file.display())));
+            LightDescription::Profile { ref file, layout, position, direction, along, brightness } => {
+                let table = match layout {
+                    ProfileLayout::Photometric => {
+                        let ies = read_ies(file)?;
+                        let told = |warning| format!("{}: {warning}", file.display());
+                        findings.extend(ies.warnings.into_iter().map(told));
+                        ies.table
+                    }
+                    ProfileLayout::EqualArea { is_mirrored } => {
+                        let (side, pixels) = read_square(file, &mut findings)?;
+                        profile_table(side, &pixels, is_mirrored)
+                    }
+                };
                 let dark =
                     BuildProblem::NoLight { path: file.clone(), why: "nothing shines; name another file" };
-                let profile = Profile::new(ies.table).ok_or(dark)?;
+                let profile = Profile::new(table).ok_or(dark)?;
                 let factor = match brightness {
                     ProfileBrightness::PerCandela(factor) => factor,
                     ProfileBrightness::Power(power) => power / profile.flux(),
@@ -169,17 +179,69 @@ impl LightSource {
     }
 }
 
-/// An image in longitude and latitude: the unnamed layer, or the only one.
-fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, BuildProblem> {
+/// The size and the pixels of a picture: its unnamed layer, or the only one.
+fn read_pixels(path: &Path, findings: &mut Vec<String>) -> Result<([usize; 2], Vec<Rgb>), BuildProblem> {
     let refuse = |why| BuildProblem::NoLight { path: path.to_path_buf(), why };
     let image = read_picture(path, MOST_VALUES)?;
     findings.extend(image.findings.iter().map(|finding| format!("{}: {finding}", path.display())));
-    let layer = image.layer("").or_else(|| image.layers.first());
-    let layer = layer.ok_or_else(|| refuse("the picture has no channels; name another"))?;
-    let texels = colours(layer).ok_or_else(|| {
+    let texels = colours_of(&image).ok_or_else(|| {
         refuse("the picture has neither channels R, G and B nor a single one; name another")
     })?;
-    let (width, height) = (image.width as usize, image.height as usize);
+    Ok(([image.width as usize, image.height as usize], texels))
+}
+
+/// The side and the pixels of a square picture of all directions.
+fn read_square(path: &Path, findings: &mut Vec<String>) -> Result<(usize, Vec<Rgb>), BuildProblem> {
+    let ([width, height], texels) = read_pixels(path, findings)?;
+    if width != height {
+        return Err(BuildProblem::NoLight {
+            path: path.to_path_buf(),
+            why: "an equal-area octahedral picture is a square; make one of it (pbrt's `imgtool makeequiarea`)",
+        });
+    }
+    Ok((width, texels))
+}
+
+/// An image of all directions, and a factor that keeps what it gives in all.
+fn read_map(
+    path: &Path,
+    layout: EnvironmentLayout,
+    findings: &mut Vec<String>,
+) -> Result<(EnvironmentMap, DVec3), BuildProblem> {
+    let (width, texels, whole) = match layout {
+        EnvironmentLayout::LatitudeLongitude => {
+            let (width, texels) = read_wide(path, findings)?;
+            (width, texels, None)
+        }
+        EnvironmentLayout::EqualArea => {
+            let (side, mut pixels) = read_square(path, findings)?;
+            // What is no radiance is counted below, and does not spread to its neighbours.
+            let counted = pixels.iter().any(|pixel| !pixel.is_finite() || pixel.min_element() < 0.0);
+            if counted {
+                let mended = |x: f32| if x.is_nan() { 0.0 } else { x.clamp(0.0, EnvironmentMap::LARGEST) };
+                pixels.iter_mut().for_each(|pixel| *pixel = pixel.map(mended));
+                findings.push(format!(
+                    "{}: pixels that are negative or no numbers count as zero, infinite ones as {:e}",
+                    path.display(),
+                    EnvironmentMap::LARGEST
+                ));
+            }
+            let whole = mean(&pixels) * (4.0 * PI);
+            let (width, texels) = latitude_longitude(side, &pixels);
+            (width, texels, Some(whole))
+        }
+    };
+    let map = finished_map(path, width, texels, findings)?;
+    let factor = whole.map_or(DVec3::ONE, |whole| {
+        let ratio = whole / map.integral();
+        DVec3::select(ratio.is_finite_mask(), ratio, DVec3::ONE)
+    });
+    Ok((map, factor))
+}
+
+/// An image in longitude and latitude.
+fn read_wide(path: &Path, findings: &mut Vec<String>) -> Result<(usize, Vec<Rgb>), BuildProblem> {
+    let ([width, height], texels) = read_pixels(path, findings)?;
     if width != 2 * height {
         findings.push(format!(
             "{}: {width} x {height} pixels, where a picture in longitude and latitude is twice as wide as high; it is \
@@ -187,6 +249,15 @@ fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, B
             path.display()
         ));
     }
+    Ok((width, texels))
+}
+
+fn finished_map(
+    path: &Path,
+    width: usize,
+    texels: Vec<Rgb>,
+    findings: &mut Vec<String>,
+) -> Result<EnvironmentMap, BuildProblem> {
     let (map, mended) = EnvironmentMap::new(width, texels);
     if mended.negative > 0 {
         findings.push(format!(
@@ -203,22 +274,8 @@ fn read_map(path: &Path, findings: &mut Vec<String>) -> Result<EnvironmentMap, B
             EnvironmentMap::LARGEST
         ));
     }
-    map.ok_or_else(|| {
-        refuse("no pixel of the picture is above zero, so it gives no light; leave the light out")
+    map.ok_or_else(|| BuildProblem::NoLight {
+        path: path.to_path_buf(),
+        why: "no pixel of the picture is above zero, so it gives no light; leave the light out",
     })
-}
-
-/// Linear colours of the pixels; `None` where the channels are not colours.
-fn colours(layer: &Layer) -> Option<Vec<Rgb>> {
-    let count = layer.channels.len();
-    let channel = |name: &str| layer.channel_index(name);
-    let [r, g, b] = match (channel("R"), channel("G"), channel("B")) {
-        (Some(r), Some(g), Some(b)) => [r, g, b],
-        _ => match channel("Y") {
-            Some(y) => [y; 3],
-            None if count == 1 => [0; 3],
-            None => return None,
-        },
-    };
-    Some(layer.data.chunks_exact(count).map(|pixel| Rgb::new(pixel[r], pixel[g], pixel[b])).collect())
 }

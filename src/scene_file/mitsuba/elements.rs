@@ -1,10 +1,12 @@
 //! The elements of a scene: values, objects, spectra, transforms.
 
 use super::error::{Fault, fail};
-use super::literal::{look_at, matrix, number, plain, triple, vector};
+use super::literal::{look_at, matrix, plain, triple, vector};
 use super::parse::{Parser, find};
 use super::spectrum::{Spectrum, spectrum_file};
-use super::value::{Object, Property, Value, shown};
+use super::text::number;
+use super::text::shown;
+use super::value::{Object, Property, Value};
 use super::xml::Element;
 use crate::scene_file::diagnostic::suggestion;
 use glam::{DAffine3, DVec3};

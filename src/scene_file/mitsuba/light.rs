@@ -2,11 +2,14 @@
 
 use super::Importer;
 use super::error::{Fault, fail};
+use super::import::light::{axes_of, inner_angle, turn_of};
+use super::paint::luminance;
+use super::report::Subject;
 use super::spectrum::Meaning;
-use super::texture::luminance;
-use super::value::{Object, shown};
+use super::text::shown;
+use super::value::Object;
 use crate::math::unit_f64;
-use crate::scene_file::description::{LightDescription, Named};
+use crate::scene_file::description::{EnvironmentLayout, LightDescription, Named};
 use crate::scene_file::diagnostic::suggestion;
 use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
@@ -17,39 +20,6 @@ const TURBIDITIES: std::ops::RangeInclusive<f64> = 1.0..=10.0;
 
 /// Range of half angles of a cone, degrees.
 const ANGLES: std::ops::RangeInclusive<f64> = 0.001..=180.0;
-
-/// Orthonormal axes, possibly mirrored, and whether the matrix differs from them by more than a uniform scale. `None` for a
-/// singular matrix.
-fn axes_of(matrix: DMat3) -> Option<(DMat3, bool)> {
-    const TOLERANCE: f64 = 1e-4;
-    let y = unit_f64(matrix.y_axis)?;
-    let z = unit_f64(matrix.z_axis - y * y.dot(matrix.z_axis))?;
-    let x = y.cross(z) * matrix.determinant().signum();
-    let axes = DMat3::from_cols(x, y, z);
-    let scale = matrix.y_axis.length();
-    let differs = (matrix - axes * scale).to_cols_array().iter().any(|d| d.abs() > TOLERANCE * scale);
-    axes.is_finite().then_some((axes, differs))
-}
-
-/// The rotation about y, counter-clockwise as seen from above, that these axes represent; `None` where they represent another
-/// rotation.
-fn turn_of(axes: &DMat3) -> Option<f64> {
-    const TOLERANCE: f64 = 1e-9;
-    let is_upright = (axes.y_axis - DVec3::Y).abs().max_element() < TOLERANCE && axes.determinant() > 0.0;
-    is_upright.then(|| axes.z_axis.x.atan2(axes.z_axis.z))
-}
-
-/// The angle up to which the intensity is constant. It is chosen so that a cone whose edge falls off with the square of the
-/// cosine has the flux of a cone that falls off linearly in the angle from `beam` to `cutoff` (radians).
-pub(super) fn inner_angle(beam: f64, cutoff: f64) -> f64 {
-    let one_minus_cos = |angle: f64| 2.0 * (0.5 * angle).sin().powi(2);
-    let width = cutoff - beam;
-    // Flux divided by 2 pi, for an intensity of one.
-    let flux = if width > 1e-9 { 1.0 - (cutoff.sin() - beam.sin()) / width } else { one_minus_cos(cutoff) };
-    // Full intensity up to x = 1 - cos, and a third of the rest.
-    let full = (0.5 * (3.0 * flux - one_minus_cos(cutoff))).clamp(0.0, one_minus_cos(cutoff));
-    (1.0 - full).clamp(-1.0, 1.0).acos().clamp(0.0, cutoff)
-}
 
 impl Importer<'_> {
     fn push_light(&mut self, object: &Object, value: LightDescription) {
@@ -139,7 +109,13 @@ impl Importer<'_> {
                     Some(turn) => (turn + PI, None),
                     None => (PI, Some(axes)),
                 };
-                LightDescription::EnvironmentMap { image, turn, axes, factor: DVec3::splat(scale) }
+                LightDescription::EnvironmentMap {
+                    image,
+                    layout: EnvironmentLayout::LatitudeLongitude,
+                    turn,
+                    axes,
+                    factor: DVec3::splat(scale),
+                }
             }
             "sunsky" | "sky" | "sun" => return self.sky(object),
             "area" => {
@@ -254,18 +230,5 @@ mod tests {
             let ratio = cone.flux() / flux;
             assert!((ratio - 1.0).abs() < bound, "{beam} {cutoff}: {ratio}");
         }
-    }
-
-    #[test]
-    fn rotations_around_y_are_turns() {
-        for angle in [0.3, -2.0, 3.0] {
-            let (axes, differs) = axes_of(DMat3::from_rotation_y(angle) * 2.0).unwrap();
-            assert!(!differs && (turn_of(&axes).unwrap() - angle).abs() < 1e-12);
-        }
-        let (tilted, _) = axes_of(DMat3::from_rotation_x(1.0)).unwrap();
-        assert!(turn_of(&tilted).is_none());
-        let (mirrored, differs) = axes_of(DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0))).unwrap();
-        assert!(mirrored.determinant() < 0.0 && turn_of(&mirrored).is_none() && !differs);
-        assert!(axes_of(DMat3::ZERO).is_none());
     }
 }

@@ -1,9 +1,9 @@
 //! Parses numbers, vectors and matrices.
 
-use super::error::{Fault, fail};
+use super::error::{Fault, Place, fail};
 use super::spectrum::Spectrum;
-use super::value::{Value, shown};
-use super::xml::Place;
+use super::text::{number, shown, tokens};
+use super::value::Value;
 use glam::{DAffine3, DMat3, DVec3};
 
 /// A look-at transform as sensors and emitters use it: x to the left, y up, z to the target.
@@ -40,18 +40,6 @@ pub(super) fn matrix(text: &str, place: &Place) -> Result<DAffine3, Fault> {
             Ok(DAffine3::from_mat3(DMat3::from_cols(row(0), row(1), row(2)).transpose()))
         }
         count => fail(place, format!("a matrix of {count} numbers"), "write 16 numbers, row after row, or 9"),
-    }
-}
-
-pub(super) fn tokens(text: &str) -> impl Iterator<Item = &str> {
-    text.split(|c: char| c == ',' || c.is_whitespace()).filter(|token| !token.is_empty())
-}
-
-/// Parses a finite number.
-pub(super) fn number(text: &str, place: &Place) -> Result<f64, Fault> {
-    match text.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
-        _ => fail(place, format!("`{}` is no number", shown(text)), "write a number, for example 0.5"),
     }
 }
 

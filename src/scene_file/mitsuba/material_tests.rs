@@ -92,7 +92,7 @@ fn metals_are_by_name_or_index() {
 /// 1973).
 #[test]
 fn light_in_plastic_is_thrown_back() {
-    assert!((super::models::internal_reflectance(1.5) - 0.5963).abs() < 1e-3);
+    assert!((super::import::models::internal_reflectance(1.5) - 0.5963).abs() < 1e-3);
     let plastic = |is_nonlinear: bool| {
         layered(&format!(
             "<bsdf type=\"plastic\"><float name=\"int_ior\" value=\"1.5\"/><float name=\"ext_ior\" value=\"1\"/><rgb name=\"diffuse_reflectance\" value=\"0.5\"/>

@@ -2,11 +2,7 @@
 //! `docs/mitsuba.md`.
 
 mod bsdf;
-mod cie;
 mod elements;
-mod error;
-mod facets;
-mod indices;
 mod light;
 mod literal;
 mod material;
@@ -16,35 +12,32 @@ mod models;
 mod parse;
 mod pictures;
 mod principled;
-mod report;
 mod serialized;
 mod shape;
-mod spectrum;
-mod tessellate;
 #[cfg(test)]
 mod tests;
 mod texture;
 mod value;
-mod vertices;
 mod view;
 mod wrappers;
 mod xml;
 
-use self::bsdf::Surface;
-use self::error::{Fault, Problem, Sources, fail};
-use self::material::Finished;
+use self::error::{Fault, Place, Problem, Sources, fail};
 use self::parse::{MOST_BYTES, Parsed};
-use self::report::Report;
-use self::texture::Use;
-use self::value::{Object, Value, shown};
-use self::xml::Place;
-use super::description::{Location, MediumDescription, Named, SceneDescription};
+use self::report::{Report, Subject};
+use self::surface::Surface;
+use self::text::shown;
+use self::value::{Object, Value};
+use super::description::{Location, SceneDescription};
 use super::diagnostic::SceneFileError;
+use super::import::blank_scene;
+use super::import::material::Finished;
+use super::import::pictures::Pictures;
+use super::import::{
+    self, Allow, error, facets, indices, paint, report, spectrum, surface, tessellate, text,
+};
 use crate::files::{foreign_by_content, read_regular, text_of};
-use crate::memory::{MemoryError, MemoryEstimate};
-use crate::settings::Overrides;
-use crate::textures::{ImageTexture, TextureBudget};
-use glam::DVec3;
+use crate::memory::MemoryEstimate;
 use std::collections::HashMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -56,9 +49,6 @@ pub const MITSUBA_EXTENSIONS: &[&str] = &["xml"];
 
 /// Bytes of memory for each byte of a scene's text, as elements and objects.
 const TEXT_MEMORY: u64 = 16;
-
-/// Decides whether the memory of an estimate may be allocated.
-type Allow<'a> = &'a dyn Fn(&MemoryEstimate) -> Result<(), MemoryError>;
 
 /// Deepest nesting of objects; deeper objects contain each other.
 const DEEPEST: usize = 64;
@@ -166,8 +156,7 @@ struct Importer<'a> {
     /// By object, and the bits of the interior's absorption.
     materials: HashMap<(*const Object, [u64; 3]), Finished>,
     groups: HashMap<*const Object, usize>,
-    pictures: HashMap<(PathBuf, Use, bool), (Arc<ImageTexture>, f64)>,
-    budget: TextureBudget,
+    pictures: Pictures,
     depth: usize,
     /// Estimated memory of the meshes that were read; `allow` decides whether it may grow.
     taken: MemoryEstimate,
@@ -177,7 +166,6 @@ struct Importer<'a> {
 impl<'a> Importer<'a> {
     fn new(path: &Path, parsed: Parsed, parameters: &[(String, String)], allow: Allow<'a>) -> Self {
         let location = Location { file: Arc::new(path.to_path_buf()), line: 0, column: 0 };
-        let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
         let Parsed { scene, ids, folders, spectra } = parsed;
         let usual_bsdf = Rc::new(Object {
             tag: "bsdf".to_owned(),
@@ -192,32 +180,16 @@ impl<'a> Importer<'a> {
             ids,
             folders,
             description: SceneDescription {
-                name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-                media: vec![Named { name: "air".to_owned(), location: location.clone(), value: air }],
-                location,
-                camera: None,
-                film: view::usual_film(),
-                render: Overrides::default(),
-                textures: Vec::new(),
-                materials: Vec::new(),
-                looks: Vec::new(),
-                shapes: Vec::new(),
-                groups: Vec::new(),
-                instances: Vec::new(),
-                lights: Vec::new(),
-                light_photons: Vec::new(),
-                warnings: Vec::new(),
-                notes: Vec::new(),
                 further_files: spectra,
                 parameters: parameters.to_vec(),
+                ..blank_scene(path, view::usual_film())
             },
             report: Report::default(),
             usual_bsdf,
             surfaces: HashMap::new(),
             materials: HashMap::new(),
             groups: HashMap::new(),
-            pictures: HashMap::new(),
-            budget: TextureBudget::default(),
+            pictures: Pictures::default(),
             depth: 0,
             taken: MemoryEstimate::default(),
             allow,

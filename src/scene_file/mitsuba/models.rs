@@ -1,16 +1,17 @@
 //! Dielectric, conductor and plastic materials.
 
 use super::Importer;
-use super::bsdf::{Base, Surface, normal_reflectance, stretched};
 use super::error::{Fault, fail};
-use super::facets::{Distribution, diffuse_factor};
+use super::facets::Distribution;
+use super::import::models::{glass, plastic, thin_sheet, tinted_metal, under_a_coat};
 use super::indices::{self, MEDIA};
+use super::paint::{Amount, Paint, Use};
 use super::spectrum::Meaning;
-use super::texture::{Amount, Paint, Use};
-use super::value::{Object, Value, shown};
-use crate::bsdf::{Body, LayeredParameters, Metal};
+use super::surface::{Base, Surface};
+use super::text::shown;
+use super::value::{Object, Value};
+use crate::bsdf::Metal;
 use crate::math::Rgb;
-use crate::scene::LayeredMaterial;
 use crate::scene_file::diagnostic::suggestion;
 use glam::DVec3;
 
@@ -107,16 +108,7 @@ impl Importer<'_> {
                 "`specular_reflectance` is not used: as much is reflected as Fresnel's formula says",
             );
         }
-        if let (Amount::Plain(slope), true) = (&slope, passed == white) {
-            return Ok(Base::Glass { indices, slope: *slope }.into());
-        }
-        let (mut material, _) = Base::Glass { indices, slope: slope.plain().unwrap_or(1.0) }.layered();
-        material.factors.base = passed.factor();
-        material.base = passed.slot();
-        if let Amount::Picture(slot) = slope {
-            material.metallic_roughness = Some(slot);
-        }
-        Ok(Base::Border(material, indices).into())
+        Ok(glass(indices, slope, &passed).into())
     }
 
     pub(super) fn thin_dielectric(&mut self, object: &Object) -> Result<Surface, Fault> {
@@ -124,25 +116,8 @@ impl Importer<'_> {
         let reflected = self.plain_colour(object, "specular_reflectance", 1.0, Meaning::Reflectance)?;
         let passed = self.paint(object, "specular_transmittance", 1.0, Meaning::Reflectance)?;
         self.finish(object, &["int_ior", "ext_ior", "specular_reflectance", "specular_transmittance"])?;
-        let mut ior = inside / outside;
-        if ior < 1.0 {
-            ior = 1.0 / ior;
-        }
-        let single = normal_reflectance(ior);
-        // Light is reflected back and forth between both sides.
-        let whole = 2.0 / (1.0 + single);
-        let factors = LayeredParameters {
-            base: passed.factor(),
-            metallic: 0.0,
-            ior: ior as f32,
-            specular_colour: (reflected * whole).as_vec3(),
-            transmission: 1.0,
-            body: Body::Thin,
-            ..LayeredParameters::default()
-        };
         self.report.note(object, "reflects by Schlick's approximation of Fresnel's formula");
-        let material =
-            LayeredMaterial { factors, roughness: 0.0, base: passed.slot(), ..LayeredMaterial::default() };
+        let material = thin_sheet(inside / outside, reflected, &passed);
         Ok(Base::Layered(material).into())
     }
 
@@ -202,21 +177,7 @@ impl Importer<'_> {
             return Ok(Base::Metal { metal, slopes: [along, across] }.into());
         }
         self.report.note(object, "reflects by Schlick's approximation of the formula for metals, as it is tinted or its roughness varies");
-        // Facets of a dielectric without a base: their reflectance at every angle can be scaled.
-        let factors = LayeredParameters { base: Rgb::ZERO, metallic: 0.0, ..LayeredParameters::default() };
-        let whole = tint.mean().max_element().clamp(1e-6, 1.0);
-        let colour = metal.reflectance(1.0).as_dvec3() * tint.factor().as_dvec3() / whole;
-        let colour = colour / normal_reflectance(f64::from(factors.ior));
-        let mut material = LayeredMaterial {
-            factors: LayeredParameters {
-                specular: whole as f32,
-                specular_colour: colour.as_vec3(),
-                ..factors
-            },
-            specular_colour: tint.slot(),
-            ..LayeredMaterial::default()
-        };
-        set_roughness(&mut material, slopes);
+        let material = tinted_metal(metal, &tint, slopes);
         Ok(Base::Layered(material).into())
     }
 
@@ -239,11 +200,7 @@ impl Importer<'_> {
         self.finish(object, &known)?;
         let ior = (inside / outside).max(1.0);
         let diffuse = match (diffuse, is_nonlinear) {
-            (Paint::Plain(colour), true) => {
-                // Light that the coat reflects back to the base is coloured each time.
-                let back = internal_reflectance(ior);
-                Paint::Plain(colour.map(|c| c * (1.0 - back) / (1.0 - c * back)))
-            }
+            (Paint::Plain(colour), true) => Paint::Plain(under_a_coat(colour, ior)),
             (paint, true) => {
                 self.report
                     .note(object, "`nonlinear` is not used: colours of its picture are less saturated");
@@ -255,56 +212,8 @@ impl Importer<'_> {
             Some(name) if name.eq_ignore_ascii_case("ggx") => Distribution::Ggx,
             _ => Distribution::Beckmann,
         };
-        let mean_slope = match &slope {
-            Amount::Plain(slope) => *slope,
-            // Stored as square roots.
-            Amount::Picture(slot) => f64::from(slot.texture.mean().y).powi(2),
-        };
-        let diffuse = diffuse.times(DVec3::splat(diffuse_factor(distribution, mean_slope, ior)));
         self.report.note(object, "reflects by Schlick's approximation of Fresnel's formula");
-        let whole = specular.max_element().max(1e-6);
-        let factors = LayeredParameters {
-            base: diffuse.factor(),
-            metallic: 0.0,
-            ior: ior as f32,
-            specular: whole.min(1.0) as f32,
-            specular_colour: (specular / whole).as_vec3(),
-            ..LayeredParameters::default()
-        };
-        let coloured = matches!(diffuse, Paint::Vertices(_));
-        let mut material =
-            LayeredMaterial { factors, coloured, base: diffuse.slot(), ..LayeredMaterial::default() };
-        set_roughness(&mut material, [slope.clone(), slope]);
+        let material = plastic(ior, diffuse, specular, slope, distribution);
         Ok(Base::Layered(material).into())
     }
-}
-
-/// Sets the roughness of layers from the slopes of facets.
-fn set_roughness(material: &mut LayeredMaterial, [along, across]: [Amount; 2]) {
-    match (along.plain(), across.plain(), along) {
-        (Some(along), Some(across), _) => {
-            (material.roughness, material.anisotropy) = stretched([along, across]);
-        }
-        (_, _, Amount::Picture(slot)) => {
-            material.roughness = 1.0;
-            material.metallic_roughness = Some(slot);
-        }
-        (_, Some(across), Amount::Plain(_)) => material.roughness = across.sqrt() as f32,
-        (_, None, Amount::Plain(along)) => material.roughness = along.sqrt() as f32,
-    }
-}
-
-/// The share of diffuse light inside a medium of this index that its boundary reflects. It follows by reciprocity from Fresnel's
-/// formula for light from outside.
-pub(super) fn internal_reflectance(ior: f64) -> f64 {
-    const STEPS: usize = 512;
-    let mean: f64 = (0..STEPS)
-        .map(|i| {
-            // Equal steps of the squared sine give cosine-weighted directions.
-            let sine_squared = (i as f64 + 0.5) / STEPS as f64;
-            f64::from(crate::bsdf::fresnel_dielectric((1.0 - sine_squared).sqrt() as f32, ior as f32))
-        })
-        .sum::<f64>()
-        / STEPS as f64;
-    1.0 - (1.0 - mean) / (ior * ior)
 }

@@ -1,9 +1,11 @@
 //! Converts elements to objects. This covers parameters of the command line and `<default>`, `<include>`, `<path>`, `<alias>`,
 //! and the values of elements.
 
-use super::error::{Fault, Sources, fail};
-use super::value::{Object, Property, shown};
-use super::xml::{self, Element, Place};
+use super::error::{Fault, Place, Sources, fail};
+use super::report::Subject;
+use super::text::shown;
+use super::value::{Object, Property};
+use super::xml::{self, Element};
 use crate::files::{read_regular, text_of};
 use crate::scene_file::diagnostic::suggestion;
 use std::collections::{BTreeMap, BTreeSet, HashMap};

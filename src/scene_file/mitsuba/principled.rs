@@ -1,10 +1,10 @@
 //! The principled material (Burley 2012) as layers: metal, facets over a diffuse base, transmission, and a clear coat.
 
 use super::Importer;
-use super::bsdf::{Base, Surface};
 use super::error::Fault;
+use super::paint::{Amount, Use};
 use super::spectrum::Meaning;
-use super::texture::{Amount, Use};
+use super::surface::{Base, Surface};
 use super::value::Object;
 use crate::bsdf::{Body, LayeredParameters};
 use crate::scene::LayeredMaterial;
@@ -86,7 +86,7 @@ impl Importer<'_> {
             factors,
             roughness: roughness.plain().unwrap_or(1.0).clamp(0.0, 1.0) as f32,
             coat_roughness: (COAT_SLOPES[0] + (COAT_SLOPES[1] - COAT_SLOPES[0]) * gloss).sqrt() as f32,
-            coloured: matches!(paint, super::texture::Paint::Vertices(_)),
+            coloured: matches!(paint, super::paint::Paint::Vertices(_)),
             base: paint.slot(),
             ..LayeredMaterial::default()
         };
@@ -94,7 +94,7 @@ impl Importer<'_> {
             let aspect = (1.0 - 0.9 * anisotropic).sqrt();
             let slope = roughness * roughness;
             let slopes = [slope / aspect, slope * aspect];
-            (material.roughness, material.anisotropy) = super::bsdf::stretched(slopes);
+            (material.roughness, material.anisotropy) = super::surface::stretched(slopes);
         }
         material.metallic_roughness = match (roughness, metallic) {
             (Amount::Picture(slot), Amount::Plain(_)) => Some(slot),

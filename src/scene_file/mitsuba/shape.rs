@@ -1,52 +1,29 @@
 //! Shapes: mesh files, spheres and other primitives, groups and instances.
 
 use super::Importer;
-use super::bsdf::{Base, Surface};
 use super::error::{Fault, fail};
-use super::material::{Inside, Needs};
+use super::import::material::{Filling, Look, Needs};
+use super::import::shape::{Form, MOST_SHAPES, Placed, foresee, is_distorted, mesh};
+use super::paint::{Paint, luminance};
+use super::report::Subject;
 use super::serialized;
 use super::spectrum::Meaning;
+use super::surface::{Base, Surface};
 use super::tessellate;
-use super::texture::{Paint, luminance};
-use super::value::{Object, Value, shown};
-use super::vertices::{bumped, vertex_data};
+use super::text::shown;
+use super::value::{Object, Value};
 use crate::scene_file::MeshReading;
 use crate::scene_file::description::{
     EmissionDescription, GeometryDescription, InstanceDescription, MeshNormals, Named, ShapeDescription,
 };
 use crate::scene_file::diagnostic::suggestion;
-use crate::scene_file::mesh::TriangleMesh;
-use crate::scene_file::mesh_size::{MeshSize, mesh_size};
 use crate::scene_file::obj::read_obj_with;
 use crate::scene_file::ply::read_ply_model;
-use glam::{DAffine3, DMat3, DVec3, Vec2, Vec4};
-use std::path::{Path, PathBuf};
+use glam::{DAffine3, DMat3, DVec3, Vec2};
 use std::rc::Rc;
-use std::sync::Arc;
 
 /// Parameters of every shape, for messages.
 const COMMON: [&str; 2] = ["to_world", "flip_normals"];
-
-/// Most shapes of a scene, not counting instances.
-const MOST_SHAPES: usize = 1 << 22;
-
-/// Geometry of a shape.
-enum Form {
-    /// A mesh file that is read when the scene is built.
-    File { path: PathBuf, normals: MeshNormals },
-    /// Triangles with optional texture coordinates and colours.
-    Mesh { mesh: TriangleMesh, colours: Vec<Vec4> },
-    /// An exact shape.
-    Exact(GeometryDescription),
-}
-
-/// A form with its placement.
-struct Placed {
-    form: Form,
-    to_world: DAffine3,
-    /// Whether the normal is reversed.
-    flip: bool,
-}
 
 impl Importer<'_> {
     /// Adds a shape to the scene, or to a group.
@@ -143,49 +120,13 @@ impl Importer<'_> {
             surface.base = Base::Diffuse(Paint::Plain(DVec3::ZERO));
             self.report.note(object, "emits, and light that should pass it ends there");
         }
-        let probe = surface.bump.is_some();
         let inside = inside.unwrap_or_default();
-        let mut finished = self.material(&bsdf, &surface, inside, glow.clone(), None);
-        let mut needs = finished.needs;
-        needs.coordinates |= probe;
-        needs.tangents |= probe;
+        let mut finished = self.material(&bsdf, &surface, inside, glow.clone());
+        let needs = finished.needs.with_bumps(surface.bump.is_some());
         let Placed { form, to_world, flip } = self.placed(object, needs)?;
         check_transform(object, &to_world)?;
-        let geometry = match form {
-            Form::File { path, normals } => {
-                GeometryDescription::MeshFile { path, normals, own_materials: false, fit: None }
-            }
-            Form::Exact(geometry) => geometry,
-            Form::Mesh { mesh, .. } if !needs.any() => GeometryDescription::Loaded {
-                mesh: Arc::new(mesh),
-                normals: MeshNormals::FromFile,
-                before: DAffine3::IDENTITY,
-            },
-            Form::Mesh { mut mesh, colours } => {
-                let uvs = mesh.uvs.take();
-                if needs.coordinates && uvs.is_none() {
-                    self.report.warn(object, "has no texture coordinates, so its pictures are of one colour");
-                }
-                if needs.colours && colours.is_empty() {
-                    self.report.warn(object, "has no colours of vertices, and is white in their place");
-                }
-                let is_mirrored = to_world.matrix3.determinant() < 0.0;
-                if let (Some((slot, height)), Some(uvs)) = (&surface.bump, &uvs) {
-                    let normals = bumped(slot, *height, (&mesh, uvs), &to_world);
-                    match normals {
-                        Some(normals) => {
-                            self.report.note(&bsdf, "bumps are taken for a map of normals, by the mean size of its picture on the shape");
-                            finished = self.material(&bsdf, &surface, inside, glow, Some(normals));
-                        }
-                        None => self
-                            .report
-                            .warn(&bsdf, "its bumps are left out: the shape has no size in its picture"),
-                    }
-                }
-                let data = vertex_data(&mesh, uvs.unwrap_or_default(), colours, needs, is_mirrored);
-                GeometryDescription::Gltf { mesh: Arc::new(mesh), data: Arc::new(data) }
-            }
-        };
+        let look = Look { bsdf: &*bsdf, surface: &surface, fillings: [inside, Filling::default()], glow };
+        let geometry = self.building().geometry(&**object, &look, (form, &to_world), &mut finished, needs);
         let emission = emission.map(|(radiance, _)| EmissionDescription {
             radiance: radiance.tint(),
             two_sided: false,
@@ -228,7 +169,7 @@ impl Importer<'_> {
     }
 
     /// The interior of a shape; `None` where it names no medium.
-    fn inside(&mut self, object: &Object, surface: &Surface) -> Result<Option<Inside>, Fault> {
+    fn inside(&mut self, object: &Object, surface: &Surface) -> Result<Option<Filling>, Fault> {
         let mut found = None;
         let names = object
             .properties
@@ -249,7 +190,7 @@ impl Importer<'_> {
             let is_passed = matches!(surface.base, Base::Null | Base::Glass { .. } | Base::Border(..));
             let inside = self.absorption(&medium)?;
             if is_passed {
-                found = inside.map(|absorption| Inside { absorption });
+                found = inside.map(|absorption| Filling { absorption, volume: None });
             } else {
                 self.report
                     .note(object, "the medium in it is left out: its surface is not the border of one here");
@@ -397,29 +338,6 @@ impl Importer<'_> {
         }
     }
 
-    /// Checks whether the memory for a mesh is allowed, from the size that its file declares.
-    fn foresee(&mut self, object: &Object, path: &Path) -> Result<(), Fault> {
-        let size = match mesh_size(path, MeshNormals::Leading) {
-            Ok(size) if size.triangles > 0 => size,
-            // Compressed or unusual files: their bytes are counted as corners.
-            _ => {
-                let length = std::fs::metadata(path).map_or(0, |file| file.len());
-                MeshSize { vertices: length / 12, triangles: length / 6, has_normals: true, reading: length }
-            }
-        };
-        self.taken.triangles = self.taken.triangles.saturating_add(size.triangles);
-        // Counted twice: as read, and as placed.
-        self.taken.meshes = self.taken.meshes.saturating_add(size.bytes().saturating_mul(2));
-        self.taken.reading = self.taken.reading.max(size.reading);
-        (self.allow)(&self.taken).or_else(|error| {
-            fail(
-                &object.place,
-                format!("the mesh of {}: {error}", object.label()),
-                "allow more memory, or make the mesh smaller",
-            )
-        })
-    }
-
     fn mesh_file(
         &mut self,
         object: &Rc<Object>,
@@ -451,7 +369,7 @@ impl Importer<'_> {
             let normals = if is_flat { MeshNormals::Flat } else { MeshNormals::Leading };
             return Ok(Placed { form: Form::File { path, normals }, to_world, flip });
         }
-        self.foresee(object, &path)?;
+        foresee((&mut self.taken, self.allow), &**object, &path)?;
         let reading = MeshReading {
             normals: !is_flat,
             uvs: needs.coordinates,
@@ -490,21 +408,6 @@ impl Importer<'_> {
         let colours = colours.unwrap_or_default().into_iter().map(|colour| colour.extend(1.0)).collect();
         Ok(Placed { form: Form::Mesh { mesh, colours }, to_world, flip })
     }
-}
-
-fn mesh(mesh: TriangleMesh) -> Form {
-    Form::Mesh { mesh, colours: Vec::new() }
-}
-
-/// Whether a transform scales differently along different axes.
-fn is_distorted(transform: &DAffine3) -> bool {
-    /// Differences of lengths and angles below this are rounding of the file's numbers.
-    const TOLERANCE: f64 = 1e-9;
-    let [x, y, z] = [transform.matrix3.x_axis, transform.matrix3.y_axis, transform.matrix3.z_axis];
-    let largest = x.length().max(y.length()).max(z.length());
-    let lengths = (x.length() - y.length()).abs().max((y.length() - z.length()).abs());
-    let angles = x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs());
-    !(lengths <= TOLERANCE * largest && angles <= TOLERANCE * largest * largest)
 }
 
 fn check_transform(object: &Object, transform: &DAffine3) -> Result<(), Fault> {

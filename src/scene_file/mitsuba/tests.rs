@@ -8,7 +8,7 @@ use crate::scene_file::description::{
     FilterDescription, FovAxis, GeometryDescription, LightDescription, MaterialDescription, MeshNormals,
 };
 use crate::scene_file::photon_content_hash;
-use glam::{DMat3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use std::fs;
 
 const PATH: &str = "a.xml";

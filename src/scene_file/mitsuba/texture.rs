@@ -2,104 +2,20 @@
 
 use super::Importer;
 use super::error::{Fault, fail};
-use super::literal::{number, tokens};
-use super::pictures::texture_of;
+use super::import::pictures::checkers;
+use super::paint::{Amount, Paint, Use, luminance};
+use super::text::{number, tokens};
+
 use super::spectrum::{Meaning, Spectrum};
-use super::value::{Object, Property, Value, shown};
-use crate::math::Rgb;
+
+use super::report::Subject;
+use super::text::shown;
+use super::value::{Object, Property, Value};
 use crate::scene_file::diagnostic::suggestion;
-use crate::textures::{Sampler, TextureSlot};
-use glam::{DVec3, Vec4};
+use crate::textures::TextureSlot;
+use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::Arc;
-
-/// The use of a picture's values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Use {
-    /// Colours between 0 and 1.
-    Colour,
-    /// Colours of any brightness, divided by the brightest.
-    Glow,
-    /// Slopes of facets; the square roots are stored in green.
-    Slope,
-    /// Roughness without conversion, in green.
-    Roughness,
-    /// Fractions, in blue.
-    Blue,
-    /// Fractions, in alpha, with white as the colour.
-    Alpha,
-    /// Values without conversion.
-    Raw,
-}
-
-/// A colour that may vary.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Paint {
-    Plain(DVec3),
-    /// A picture with a factor.
-    Picture(TextureSlot, DVec3),
-    /// Vertex colours with a factor.
-    Vertices(DVec3),
-}
-
-impl Paint {
-    /// The colour; where it varies, an approximate mean.
-    pub(super) fn mean(&self) -> DVec3 {
-        match self {
-            Self::Plain(colour) | Self::Vertices(colour) => *colour,
-            Self::Picture(slot, factor) => slot.texture.mean().truncate().as_dvec3() * *factor,
-        }
-    }
-
-    /// The factor on the picture or on vertex colours; otherwise the colour itself.
-    pub(super) fn tint(&self) -> DVec3 {
-        match self {
-            Self::Plain(colour) | Self::Picture(_, colour) | Self::Vertices(colour) => *colour,
-        }
-    }
-
-    pub(super) fn factor(&self) -> Rgb {
-        self.tint().as_vec3()
-    }
-
-    pub(super) fn slot(&self) -> Option<TextureSlot> {
-        match self {
-            Self::Picture(slot, _) => Some(slot.clone()),
-            Self::Plain(_) | Self::Vertices(_) => None,
-        }
-    }
-
-    pub(super) fn times(self, factor: DVec3) -> Self {
-        match self {
-            Self::Plain(colour) => Self::Plain(colour * factor),
-            Self::Picture(slot, own) => Self::Picture(slot, own * factor),
-            Self::Vertices(own) => Self::Vertices(own * factor),
-        }
-    }
-}
-
-/// A number that may vary.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Amount {
-    Plain(f64),
-    Picture(TextureSlot),
-}
-
-impl Amount {
-    /// The number, if it is constant.
-    pub(super) fn plain(&self) -> Option<f64> {
-        match self {
-            Self::Plain(value) => Some(*value),
-            Self::Picture(_) => None,
-        }
-    }
-}
-
-/// Luminance of a linear colour of Rec. 709.
-pub(super) fn luminance(colour: DVec3) -> f64 {
-    colour.dot(DVec3::new(0.212_671, 0.715_160, 0.072_169))
-}
 
 impl Importer<'_> {
     /// The object that a parameter holds or refers to; `None` where it is a plain value.
@@ -371,22 +287,6 @@ impl Importer<'_> {
         ];
         let transform = Self::to_uv(object)?;
         self.finish(object, &["color0", "color1", "to_uv"])?;
-        let brightest = colours[0].max(colours[1]).max_element().max(1.0);
-        let texel = |colour: DVec3| {
-            let share = (colour / brightest).as_vec3();
-            let value = luminance(colour) as f32;
-            match how {
-                Use::Colour | Use::Glow | Use::Raw => share.extend(1.0),
-                Use::Slope => Vec4::new(1.0, value.max(0.0).sqrt(), 1.0, 1.0),
-                Use::Roughness => Vec4::new(1.0, value, 1.0, 1.0),
-                Use::Blue => Vec4::new(1.0, 1.0, value, 1.0),
-                Use::Alpha => Vec4::new(1.0, 1.0, 1.0, value),
-            }
-        };
-        let [a, b] = colours.map(texel);
-        let texture = Arc::new(texture_of(2, 2, &[a, b, b, a]));
-        let sampler = Sampler { nearest: true, finest: true, ..Sampler::default() };
-        let slot = TextureSlot { texture, sampler, set: 0, transform };
-        Ok(Paint::Picture(slot, DVec3::splat(brightest)))
+        Ok(checkers(colours, how, transform))
     }
 }

@@ -1,24 +1,13 @@
 //! Objects with their parameters, in the form that plugins use.
 
-use super::error::{Fault, fail};
+use super::error::{Fault, Place, fail};
+use super::report::Subject;
 use super::spectrum::Spectrum;
-use super::xml::Place;
+use super::text::shown;
 use crate::scene_file::diagnostic::nearest;
 use glam::{DAffine3, DVec3};
 use std::cell::Cell;
 use std::rc::Rc;
-
-/// Longest name that a message repeats, in characters.
-const SHOWN: usize = 80;
-
-/// A text of the file in the form that messages use.
-pub(super) fn shown(text: &str) -> String {
-    let text: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
-    match text.char_indices().nth(SHOWN) {
-        Some((end, _)) => format!("{} ...", &text[..end]),
-        None => text,
-    }
-}
 
 /// The value of a parameter.
 #[derive(Clone, Debug)]
@@ -105,23 +94,27 @@ pub(super) struct Object {
     pub is_old: bool,
 }
 
-impl Object {
-    /// Name of the object in messages.
-    pub(super) fn label(&self) -> String {
+impl Subject for Object {
+    fn place(&self) -> &Place {
+        &self.place
+    }
+
+    fn label(&self) -> String {
         match &self.id {
             Some(id) => format!("{} `{}` (`{}`)", self.tag, shown(&self.plugin), shown(id)),
             None => format!("{} `{}`", self.tag, shown(&self.plugin)),
         }
     }
 
-    /// Base of the names of shapes and materials.
-    pub(super) fn name(&self) -> String {
+    fn name(&self) -> String {
         match &self.id {
             Some(id) => shown(id),
             None => format!("{} in line {}", shown(&self.plugin), self.place.location.line),
         }
     }
+}
 
+impl Object {
     /// The parameter with this name. The last one wins, because parameters are set in order.
     pub(super) fn get(&self, name: &str) -> Option<&Property> {
         let mut found = None;

@@ -2,7 +2,9 @@
 
 use super::Importer;
 use super::error::{Fault, fail};
-use super::value::{Object, shown};
+use super::import::blank_film;
+use super::text::shown;
+use super::value::Object;
 use crate::film::PixelRect;
 use crate::scene_file::description::{
     CameraDescription, FilmDescription, FilterDescription, FovAxis, LensDescription,
@@ -26,14 +28,8 @@ const USUAL_SIZE: (i64, i64) = (768, 576);
 
 /// A film of Mitsuba's default size.
 pub(super) fn usual_film() -> FilmDescription {
-    FilmDescription {
-        width: USUAL_SIZE.0 as u32,
-        height: USUAL_SIZE.1 as u32,
-        filter: FilterDescription::Gaussian { radius: 2.0, sigma: 0.5 },
-        exposure: None,
-        white: 0.0,
-        crop: None,
-    }
+    let filter = FilterDescription::Gaussian { radius: 2.0, sigma: 0.5 };
+    blank_film([USUAL_SIZE.0 as u32, USUAL_SIZE.1 as u32], filter)
 }
 
 impl Importer<'_> {

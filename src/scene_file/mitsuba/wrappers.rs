@@ -1,11 +1,11 @@
 //! Materials that modify others: both sides, masks, normal maps, bump maps, blends.
 
 use super::Importer;
-use super::bsdf::{Base, Surface};
 use super::error::{Fault, fail};
-use super::literal::{number, tokens};
+use super::paint::{Amount, Paint, Use};
 use super::spectrum::Meaning;
-use super::texture::{Amount, Paint, Use};
+use super::surface::{Base, Surface};
+use super::text::{number, tokens};
 use super::value::Object;
 use std::rc::Rc;
 
@@ -140,31 +140,11 @@ impl Importer<'_> {
     /// Blends two materials by their weights, where that can be modelled; otherwise yields the one with the larger weight.
     fn mixed(&mut self, object: &Object, (a, x): (Surface, f64), (b, y): (Surface, f64)) -> Surface {
         let share = if x + y > 0.0 { (y / (x + y)).clamp(0.0, 1.0) } else { 0.5 };
-        if share == 0.0 {
-            return a;
+        let (mixed, is_exact) = a.mixed_with(b, share);
+        if !is_exact {
+            self.report
+                .warn(object, "this blend cannot be modelled: the heavier of its materials is shown alone");
         }
-        if share == 1.0 {
-            return b;
-        }
-        let two_sided = a.two_sided || b.two_sided;
-        match (&a.base, &b.base) {
-            (Base::Diffuse(Paint::Plain(one)), Base::Diffuse(Paint::Plain(other)))
-                if a.is_bare() && b.is_bare() =>
-            {
-                Surface { two_sided, ..Base::Diffuse(Paint::Plain(one.lerp(*other, share))).into() }
-            }
-            (Base::Null, _) if b.opacity.is_none() => Surface { opacity: Some(Amount::Plain(share)), ..b },
-            (_, Base::Null) if a.opacity.is_none() => {
-                Surface { opacity: Some(Amount::Plain(1.0 - share)), ..a }
-            }
-            _ => {
-                let heavier = if share > 0.5 { b } else { a };
-                self.report.warn(
-                    object,
-                    "this blend cannot be modelled: the heavier of its materials is shown alone",
-                );
-                heavier
-            }
-        }
+        mixed
     }
 }

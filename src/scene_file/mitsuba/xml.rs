@@ -1,9 +1,8 @@
 //! Parses the text of a file to a tree of elements with their places.
 
-use super::error::{Fault, Sources, fail, fault};
+use super::error::{Fault, Place, Sources, fail, fault};
 use crate::scene_file::description::Location;
 use crate::scene_file::diagnostic::SourceText;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,17 +11,6 @@ const DEEPEST: usize = 64;
 
 /// Most elements, attributes and texts of a file.
 const MOST_NODES: u32 = 1 << 22;
-
-/// A place in a file.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Place {
-    /// Number of the file in [`Sources`].
-    pub file: usize,
-    /// Byte range in the file.
-    pub span: Range<usize>,
-    /// The place in lines and columns.
-    pub location: Location,
-}
 
 /// An element.
 #[derive(Clone, Debug)]

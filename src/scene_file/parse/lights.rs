@@ -129,6 +129,7 @@ fn read_environment(table: &mut Table<'_>) -> Option<LightDescription> {
     let factor = table.or("scale", DVec3::ONE, |value| value.colour(&NON_NEGATIVE));
     Some(LightDescription::EnvironmentMap {
         image: image?,
+        layout: EnvironmentLayout::LatitudeLongitude,
         turn: turn?.to_radians(),
         axes: None,
         factor: factor?,
@@ -232,6 +233,7 @@ fn read_profile(table: &mut Table<'_>, unit: f64) -> Option<LightDescription> {
     };
     Some(LightDescription::Profile {
         file: file?,
+        layout: ProfileLayout::Photometric,
         position: position? * unit,
         direction,
         along,

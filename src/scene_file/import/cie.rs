@@ -2,14 +2,14 @@
 //! hundred-thousandth of the response lies beyond 780 nm.
 
 /// Wavelength of the first row, nm.
-pub(super) const FIRST: f64 = 360.0;
+pub(crate) const FIRST: f64 = 360.0;
 
 /// Step between rows, nm.
-pub(super) const STEP: f64 = 5.0;
+pub(crate) const STEP: f64 = 5.0;
 
 /// Colour matching functions of the 2-degree observer of 1931 (x, y, z), and the power of illuminant D65.
 #[rustfmt::skip]
-pub(super) const ROWS: [[f64; 4]; 85] = [
+pub(crate) const ROWS: [[f64; 4]; 85] = [
     [0.0001299, 3.917e-06, 0.0006061, 46.6383],
     [0.0002321, 6.965e-06, 0.001086, 49.3637],
     [0.0004149, 1.239e-05, 0.001946, 52.0891],

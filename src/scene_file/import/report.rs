@@ -1,10 +1,34 @@
 //! Messages about content that is imported differently from the file's meaning. Each message occurs once, with the number of
 //! similar objects.
 
-use super::value::Object;
-use super::xml::Place;
+use super::error::Place;
 use crate::scene_file::description::SceneWarning;
 use std::collections::HashMap;
+use std::rc::Rc;
+
+/// An object of a file that messages are about.
+pub(crate) trait Subject {
+    /// Where it is.
+    fn place(&self) -> &Place;
+    /// What it is, in messages.
+    fn label(&self) -> String;
+    /// Base of the names of shapes and materials.
+    fn name(&self) -> String;
+}
+
+impl<T: Subject> Subject for Rc<T> {
+    fn place(&self) -> &Place {
+        (**self).place()
+    }
+
+    fn label(&self) -> String {
+        (**self).label()
+    }
+
+    fn name(&self) -> String {
+        (**self).name()
+    }
+}
 
 /// Severity of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -25,34 +49,45 @@ struct Entry {
 
 /// Messages in order of occurrence.
 #[derive(Debug, Default)]
-pub(super) struct Report {
+pub(crate) struct Report {
     entries: Vec<Entry>,
     known: HashMap<(Kind, String), usize>,
 }
 
 impl Report {
-    fn add(&mut self, kind: Kind, place: &Place, label: &str, what: String) {
+    fn add(&mut self, kind: Kind, place: &Place, label: Option<&str>, what: String) {
         let key = (kind, what.clone());
         if let Some(&known) = self.known.get(&key) {
             self.entries[known].more += 1;
             return;
         }
         self.known.insert(key, self.entries.len());
-        self.entries.push(Entry { kind, place: place.clone(), message: format!("{label}: {what}"), more: 0 });
+        let message = label.map_or_else(|| what.clone(), |label| format!("{label}: {what}"));
+        self.entries.push(Entry { kind, place: place.clone(), message, more: 0 });
     }
 
     /// Reports that a property of an object is approximated.
-    pub(super) fn note(&mut self, object: &Object, what: impl Into<String>) {
-        self.add(Kind::Approximated, &object.place, &object.label(), what.into());
+    pub(crate) fn note(&mut self, object: &dyn Subject, what: impl Into<String>) {
+        self.add(Kind::Approximated, object.place(), Some(&object.label()), what.into());
     }
 
     /// Reports that a property of an object is missing from the picture.
-    pub(super) fn warn(&mut self, object: &Object, what: impl Into<String>) {
-        self.add(Kind::LeftOut, &object.place, &object.label(), what.into());
+    pub(crate) fn warn(&mut self, object: &dyn Subject, what: impl Into<String>) {
+        self.add(Kind::LeftOut, object.place(), Some(&object.label()), what.into());
+    }
+
+    /// Reports an approximation at a place of the file.
+    pub(crate) fn note_at(&mut self, place: &Place, what: impl Into<String>) {
+        self.add(Kind::Approximated, place, None, what.into());
+    }
+
+    /// Reports that something at a place of the file is missing from the picture.
+    pub(crate) fn warn_at(&mut self, place: &Place, what: impl Into<String>) {
+        self.add(Kind::LeftOut, place, None, what.into());
     }
 
     /// The warnings, then the notes.
-    pub(super) fn told(self) -> (Vec<SceneWarning>, Vec<SceneWarning>) {
+    pub(crate) fn told(self) -> (Vec<SceneWarning>, Vec<SceneWarning>) {
         let (mut warnings, mut notes) = (Vec::new(), Vec::new());
         for Entry { kind, place, message, more } in self.entries {
             let message = match more {

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 /// Distribution of the facets' slopes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Distribution {
+pub(crate) enum Distribution {
     Ggx,
     Beckmann,
 }
@@ -95,7 +95,7 @@ fn over_hemisphere(of: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// The factor on the diffuse base of a plastic with relative index `eta` and facets of this slope.
-pub(super) fn diffuse_factor(distribution: Distribution, alpha: f64, eta: f64) -> f64 {
+pub(crate) fn diffuse_factor(distribution: Distribution, alpha: f64, eta: f64) -> f64 {
     if alpha < 1e-3 || eta < 1.001 {
         return 1.0;
     }

@@ -10,7 +10,7 @@ const ALONG: u32 = 128;
 
 impl TriangleMesh {
     /// The transformed mesh. A mirrored transform does not swap the sides.
-    pub(super) fn moved(mut self, by: &DAffine3) -> Self {
+    pub(crate) fn moved(mut self, by: &DAffine3) -> Self {
         let place = |p: DVec3| by.transform_point3(p).to_array();
         let positions = (0..self.positions.len()).map(|i| place(self.positions.get(i as u32))).collect();
         self.positions = Positions::Double(positions);
@@ -28,7 +28,7 @@ impl TriangleMesh {
 }
 
 /// A grid over the unit square of coordinates; `at` yields position and normal.
-fn grid(columns: u32, rows: u32, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> TriangleMesh {
+pub(crate) fn grid(columns: u32, rows: u32, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> TriangleMesh {
     let (mut positions, mut normals, mut uvs) = (Vec::new(), Vec::new(), Vec::new());
     for row in 0..=rows {
         for column in 0..=columns {
@@ -68,7 +68,7 @@ fn grid(columns: u32, rows: u32, at: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Tri
 }
 
 /// The unit sphere with z up; the first coordinate is the longitude from x.
-pub(super) fn sphere() -> TriangleMesh {
+pub(crate) fn sphere() -> TriangleMesh {
     grid(AROUND, ALONG, |u, v| {
         let ((sin_u, cos_u), (sin_v, cos_v)) = ((TAU * u).sin_cos(), (PI * v).sin_cos());
         let at = DVec3::new(sin_v * cos_u, sin_v * sin_u, cos_v);
@@ -77,7 +77,7 @@ pub(super) fn sphere() -> TriangleMesh {
 }
 
 /// The unit disc in z = 0; the first coordinate is the radius.
-pub(super) fn disk() -> TriangleMesh {
+pub(crate) fn disk() -> TriangleMesh {
     grid(ALONG, AROUND, |u, v| {
         let (sin, cos) = (TAU * v).sin_cos();
         (DVec3::new(u * cos, u * sin, 0.0), DVec3::Z)
@@ -85,7 +85,7 @@ pub(super) fn disk() -> TriangleMesh {
 }
 
 /// The side of a cylinder of radius one from z = 0 to z = 1.
-pub(super) fn cylinder() -> TriangleMesh {
+pub(crate) fn cylinder() -> TriangleMesh {
     grid(AROUND, 1, |u, v| {
         let (sin, cos) = (TAU * u).sin_cos();
         (DVec3::new(cos, sin, v), DVec3::new(cos, sin, 0.0))
@@ -93,12 +93,12 @@ pub(super) fn cylinder() -> TriangleMesh {
 }
 
 /// The square from -1 to 1 in x and y.
-pub(super) fn rectangle() -> TriangleMesh {
+pub(crate) fn rectangle() -> TriangleMesh {
     grid(1, 1, |u, v| (DVec3::new(2.0 * u - 1.0, 2.0 * v - 1.0, 0.0), DVec3::Z))
 }
 
 /// The cube from -1 to 1, with a picture on each side.
-pub(super) fn cube() -> TriangleMesh {
+pub(crate) fn cube() -> TriangleMesh {
     let mut cube = TriangleMesh {
         positions: Positions::Double(Vec::new()),
         triangles: Vec::new(),

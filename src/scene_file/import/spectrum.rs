@@ -1,10 +1,8 @@
 //! Converts spectra to linear Rec. 709 colours, with the CIE observer of 1931.
 
 use super::cie::{FIRST, ROWS, STEP};
-use super::error::{Fault, fail};
-use super::literal::{number, tokens};
-use super::value::shown;
-use super::xml::Place;
+use super::error::{Fault, Place, fail};
+use super::text::{number, shown, tokens};
 use crate::files::{read_regular, text_of};
 use crate::textures::srgb_to_linear;
 use glam::{DMat3, DVec3};
@@ -15,7 +13,7 @@ const MOST_BYTES: u64 = 1 << 22;
 
 /// A spectrum as given in a file.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Spectrum {
+pub(crate) enum Spectrum {
     /// A linear colour.
     Rgb(DVec3),
     /// A constant over all wavelengths.
@@ -26,7 +24,7 @@ pub(super) enum Spectrum {
 
 /// Use of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Meaning {
+pub(crate) enum Meaning {
     /// A reflectance in `[0, 1]`, converted under daylight.
     Reflectance,
     /// Emitted light. In files of versions before 2.0, a constant spectrum is white.
@@ -37,7 +35,7 @@ pub(super) enum Meaning {
 
 impl Spectrum {
     /// Parses three linear numbers, one number, or `#rrggbb`, which is always sRGB. Numbers are sRGB too where `is_encoded`.
-    pub(super) fn rgb(text: &str, is_encoded: bool, place: &Place) -> Result<Self, Fault> {
+    pub(crate) fn rgb(text: &str, is_encoded: bool, place: &Place) -> Result<Self, Fault> {
         let decoded = |value: f64| f64::from(srgb_to_linear(value.clamp(0.0, 1.0) as f32));
         let text = text.trim();
         if let Some(digits) = text.strip_prefix('#') {
@@ -61,7 +59,7 @@ impl Spectrum {
     }
 
     /// Parses one number, or a list of `wavelength:value`.
-    pub(super) fn parse(text: &str, place: &Place) -> Result<Self, Fault> {
+    pub(crate) fn parse(text: &str, place: &Place) -> Result<Self, Fault> {
         if !text.contains(':') {
             // The form of colours in old files.
             let values: Vec<f64> =
@@ -86,7 +84,8 @@ impl Spectrum {
         Self::of_samples(samples, place)
     }
 
-    fn of_samples(samples: Vec<(f64, f64)>, place: &Place) -> Result<Self, Fault> {
+    /// Wavelengths (nm) and values; refuses wavelengths that do not rise.
+    pub(crate) fn of_samples(samples: Vec<(f64, f64)>, place: &Place) -> Result<Self, Fault> {
         if samples.len() < 2 {
             return fail(
                 place,
@@ -101,7 +100,7 @@ impl Spectrum {
     }
 
     /// Radiance of a black body, W/(m^2 sr nm), times `scale`.
-    pub(super) fn blackbody(kelvin: f64, scale: f64, place: &Place) -> Result<Self, Fault> {
+    pub(crate) fn blackbody(kelvin: f64, scale: f64, place: &Place) -> Result<Self, Fault> {
         if !(kelvin > 0.0 && kelvin <= 1e6) {
             return fail(
                 place,
@@ -116,8 +115,8 @@ impl Spectrum {
         Ok(Self::Samples((0..ROWS.len()).map(radiance).collect()))
     }
 
-    /// The value at a wavelength, nm.
-    fn at(&self, wavelength: f64) -> f64 {
+    /// The value at a wavelength, nm; that of green for a colour.
+    pub(crate) fn at(&self, wavelength: f64) -> f64 {
         match self {
             Self::Rgb(colour) => colour.y,
             Self::Uniform(value) => *value,
@@ -132,8 +131,24 @@ impl Spectrum {
         }
     }
 
+    /// Radiance of a black body where it is brightest (Wien's law), W/(m^2 sr nm).
+    pub(crate) fn brightest_blackbody(kelvin: f64) -> f64 {
+        planck(2.897_771_955e6 / kelvin, kelvin)
+    }
+
+    /// Numbers for the three channels, such as indices of refraction: means over the wavelengths of each, weighted by daylight, so
+    /// that a constant is the same in all of them. At least zero.
+    pub(crate) fn numbers(&self) -> DVec3 {
+        match self {
+            Self::Rgb(colour) => *colour,
+            Self::Uniform(value) => DVec3::splat(*value),
+            Self::Samples(_) => integrated(self, true),
+        }
+        .max(DVec3::ZERO)
+    }
+
     /// The linear colour, at least zero; for reflectances also at most one.
-    pub(super) fn colour(&self, meaning: Meaning) -> DVec3 {
+    pub(crate) fn colour(&self, meaning: Meaning) -> DVec3 {
         let is_light = matches!(meaning, Meaning::Light { .. });
         let colour = match (self, meaning) {
             (Self::Rgb(colour), _) => *colour,
@@ -184,7 +199,7 @@ fn integrated(spectrum: &Spectrum, in_daylight: bool) -> DVec3 {
 }
 
 /// Reads a file with a wavelength and a value in each line; `#` begins a comment.
-pub(super) fn spectrum_file(path: &Path, place: &Place) -> Result<Spectrum, Fault> {
+pub(crate) fn spectrum_file(path: &Path, place: &Place) -> Result<Spectrum, Fault> {
     let unreadable = |why: &dyn std::fmt::Display| {
         let message = format!("{}: cannot be read: {why}", path.display());
         fail(place, message, "name a text of wavelengths and values, a pair in each line")

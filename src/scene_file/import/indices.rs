@@ -4,7 +4,7 @@ use crate::bsdf::{METALS, Metal};
 use crate::math::Rgb;
 
 /// Media by name, at 589 nm (E. Hecht, "Optics").
-pub(super) const MEDIA: &[(&str, f64)] = &[
+pub(crate) const MEDIA: &[(&str, f64)] = &[
     ("vacuum", 1.0),
     ("helium", 1.000_036),
     ("hydrogen", 1.000_132),
@@ -31,7 +31,7 @@ pub(super) const MEDIA: &[(&str, f64)] = &[
 ];
 
 /// The index of a medium; the case of its name does not matter.
-pub(super) fn medium(name: &str) -> Option<f64> {
+pub(crate) fn medium(name: &str) -> Option<f64> {
     MEDIA.iter().find(|(known, _)| known.eq_ignore_ascii_case(name.trim())).map(|(_, index)| *index)
 }
 
@@ -64,12 +64,12 @@ const MEASURED: [(&str, [f32; 3], [f32; 3]); 17] = [
 ];
 
 /// The supported symbols.
-pub(super) fn symbols() -> impl Iterator<Item = &'static str> {
+pub(crate) fn symbols() -> impl Iterator<Item = &'static str> {
     NAMED.iter().map(|(symbol, _)| *symbol).chain(MEASURED.iter().map(|(symbol, ..)| *symbol))
 }
 
 /// The metal of a symbol; the tables of different sources (`Cu_palik`) are treated as one.
-pub(super) fn metal(symbol: &str) -> Option<Metal> {
+pub(crate) fn metal(symbol: &str) -> Option<Metal> {
     let symbol = symbol.trim().trim_end_matches("_palik");
     if let Some((_, eta, k)) = MEASURED.iter().find(|(known, ..)| known.eq_ignore_ascii_case(symbol)) {
         return Some(Metal::Index { eta: Rgb::from_array(*eta), k: Rgb::from_array(*k) });

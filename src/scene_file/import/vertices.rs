@@ -1,8 +1,8 @@
 //! Vertex data that textures need: tangents, and bump maps converted to normal maps.
 
 use super::material::Needs;
+use super::paint::luminance;
 use super::pictures::texture_of;
-use super::texture::luminance;
 use crate::math::unit_f64;
 use crate::scene_file::mesh::TriangleMesh;
 use crate::textures::{Sampler, TextureSlot, VertexData, Wrap};
@@ -40,7 +40,7 @@ fn tangents(mesh: &TriangleMesh, uvs: &[Vec2], is_mirrored: bool) -> Vec<(Vec3, 
 }
 
 /// The vertex data that a material needs of a mesh.
-pub(super) fn vertex_data(
+pub(crate) fn vertex_data(
     mesh: &TriangleMesh,
     uvs: Vec<Vec2>,
     colours: Vec<Vec4>,
@@ -54,7 +54,7 @@ pub(super) fn vertex_data(
 
 /// Converts a bump map of this height to a normal map for a mesh with these coordinates, by the mean size of the picture on the
 /// mesh. `None` where the picture has no size there.
-pub(super) fn bumped(
+pub(crate) fn bumped(
     slot: &TextureSlot,
     height: f64,
     (mesh, uvs): (&TriangleMesh, &[Vec2]),
@@ -116,7 +116,7 @@ pub(super) fn bumped(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene_file::mitsuba::tessellate;
+    use crate::scene_file::import::tessellate;
 
     /// A slope of the picture along its first coordinate tilts the normal against it, by height over length.
     #[test]
