@@ -9,7 +9,7 @@
 //! several at a time at random. What is read is built as well. With FOLDER it writes the files and `verdicts.txt` instead, for
 //! comparison with another reader.
 //!
-//! `xml` mutates scenes of Mitsuba as trees, those of FOLDER too.
+//! `xml` mutates scenes of Mitsuba as trees, those of FOLDER too. `pbrt` is a TARGET.
 //!
 //! The same seed makes the same files. What makes a reader fail is written to `TARGET.failure`.
 

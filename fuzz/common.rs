@@ -8,14 +8,14 @@ use cardioid::scene_file::mesh::{MeshReport, TriangleMesh};
 use cardioid::scene_file::obj::{ObjFile, parse_mtl_bytes, parse_obj_bytes};
 use cardioid::scene_file::ply::{MEMORY_FACTOR, parse_ply};
 use cardioid::scene_file::{
-    parse_gltf_bytes, parse_ies_bytes, parse_mitsuba_bytes, parse_scene, parse_stl_bytes,
+    parse_gltf_bytes, parse_ies_bytes, parse_mitsuba_bytes, parse_pbrt_bytes, parse_scene, parse_stl_bytes,
 };
 use glam::Vec3;
 use std::path::Path;
 
 /// Names of the targets.
-pub(crate) const TARGETS: [&str; 9] =
-    ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds", "mitsuba"];
+pub(crate) const TARGETS: [&str; 10] =
+    ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds", "mitsuba", "pbrt"];
 
 /// Pixels of the render in rounds.
 const ROUNDS_SIZE: (u32, u32) = (3, 2);
@@ -77,6 +77,16 @@ pub(crate) fn execute(target: &str, bytes: &[u8]) -> bool {
             }
             Err(error) => {
                 assert!(error.to_string().contains("a.xml"), "{error}");
+                false
+            }
+        },
+        "pbrt" => match parse_pbrt_bytes(bytes, Path::new("a.pbrt")) {
+            Ok(scene) => {
+                assert!(scene.shapes.len() + scene.instances.len() + scene.lights.len() <= bytes.len());
+                true
+            }
+            Err(error) => {
+                assert!(error.to_string().contains("a.pbrt"), "{error}");
                 false
             }
         },
@@ -255,13 +265,17 @@ material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = 30, axis = 
             include_bytes!("rich.xml").to_vec(),
             b"<scene version=\"0.6.0\"><shape type=\"sphere\"><bsdf type=\"diffuse\"><srgb name=\"diffuseReflectance\" value=\"#102030\"/></bsdf></shape></scene>".to_vec(),
         ],
+        "pbrt" => vec![
+            include_bytes!("rich.pbrt").to_vec(),
+            b"WorldBegin Material \"matte\" \"color Kd\" [.1 .2 .3] Shape \"sphere\" \"float radius\" 2 WorldEnd".to_vec(),
+        ],
         "rounds" => blank_checkpoint_bytes(ROUNDS_SIZE).into_iter().collect(),
         other => panic!("no target `{other}`"),
     }
 }
 
 /// Words that a mutation puts in: of the formats, and numbers at the ends of their types.
-pub(crate) const WORDS: [&str; 40] = [
+pub(crate) const WORDS: [&str; 45] = [
     "property list uchar int ",
     "property float ",
     "element vertex ",
@@ -302,4 +316,9 @@ pub(crate) const WORDS: [&str; 40] = [
     "type = \"mesh\"\n",
     "fit = { size = 1 }\n",
     "group = \"a\"\n",
+    " AttributeBegin ",
+    " Shape \"sphere\" ",
+    " \"float radius\" ",
+    " \"texture reflectance\" ",
+    " Scale 0 1 1 ",
 ];

@@ -355,7 +355,7 @@ fn files_of_other_kinds_are_named() {
         ("a.dae", b"<?xml version=\"1.0\"?><COLLADA>", ["a COLLADA file", "glTF"]),
         ("a.step", b"ISO-10303-21;\nHEADER;\n", ["a STEP file", "mesh"]),
         ("a.scene", b"<scene version=\"3.0.0\">\n</scene>", ["Mitsuba", ".xml"]),
-        ("a.pbrt", b"LookAt 0 0 5 0 0 0 0 1 0\nWorldBegin\n", ["pbrt", "docs/scene-format.md"]),
+        ("b.scene", b"LookAt 0 0 5 0 0 0 0 1 0\nWorldBegin\n", ["pbrt", ".pbrt"]),
         ("a.dat", b"\0\x01\x02\x03\xff", ["a binary file", "TOML"]),
         ("photo.png", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", ["a picture", "scene"]),
         ("points.ply", cloud("", "").as_bytes(), ["a point cloud", "make a mesh"]),

@@ -10,7 +10,7 @@ use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
 use cardioid::scene_file::{
     BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
     SceneWarning, build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file,
-    is_mitsuba_file, load_scene, mesh_scene, mitsuba_scene_within,
+    is_mitsuba_file, is_pbrt_file, load_scene, mesh_scene, mitsuba_scene_within, pbrt_scene_within,
 };
 use cardioid::textures::{set_picture_memory, set_texture_memory};
 use clap::Args;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// Which scene, and what of it.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML), a glTF file (.gltf, .glb), a scene of Mitsuba (.xml), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
+    /// Scene file (TOML), a glTF file (.gltf, .glb), a scene of Mitsuba (.xml) or pbrt (.pbrt), or a mesh alone (.ply, .obj, .stl): it stands on the ground in sun and sky.
     #[arg(value_name = "SCENE")]
     pub(crate) scene: PathBuf,
 
@@ -138,6 +138,13 @@ pub(crate) fn load(
             let allow = |estimate: &MemoryEstimate| estimate.check(args.memory_limit);
             mitsuba_scene_within(&args.scene, &args.set, &allow)
         }
+        (false, None) if is_pbrt_file(&args.scene) => {
+            if let Some((name, _)) = args.set.first() {
+                bail!("{}: a scene of pbrt has no parameters to set, and no `{name}`", args.scene.display());
+            }
+            let allow = |estimate: &MemoryEstimate| estimate.check(args.memory_limit);
+            pbrt_scene_within(&args.scene, &allow)
+        }
         (false, None) => load_scene(&args.scene, &args.set),
         (false, Some(_)) if is_gltf_file(&args.scene) => {
             bail!("--up is for a mesh alone: glTF has y up; export the model with that (`+Y Up` in Blender)")
@@ -181,7 +188,7 @@ impl Loaded {
         for note in &self.built.notes {
             match note.location.line {
                 // Notes about other scenes name their place; the notes about a mesh alone have no useful lines.
-                1.. if is_mitsuba_file(&self.path) => say!("note: {note}"),
+                1.. if is_mitsuba_file(&self.path) || is_pbrt_file(&self.path) => say!("note: {note}"),
                 _ => say!("note: {}: {}", self.path.display(), note.message),
             }
         }

@@ -29,6 +29,7 @@ const PICTURE: &str =
     "name a scene (TOML), a glTF file or a mesh (PLY, OBJ, STL); pictures are named in these";
 const SCENE_OF_OTHERS: &str =
     "export the model as glTF, OBJ or PLY; a scene of cardioid is TOML (docs/scene-format.md)";
+const PBRT: &str = "give its name the ending .pbrt, and render that";
 const POINTS: &str = "points have no surface to render: make a mesh of them (as Poisson reconstruction does in MeshLab or CloudCompare), and save it as PLY";
 const CAD: &str =
     "tessellate it in the program that made it, or in FreeCAD, and export a mesh as glTF, OBJ or STL";
@@ -82,9 +83,9 @@ const BY_WORD: &[(&[u8], &str, &str)] = &[
     (b"<X3D", "an X3D file", MESH),
     (b"<scene", "a scene of Mitsuba (XML)", "give its name the ending .xml, and render that"),
     (b"<?xml", "XML", SCENE_OF_OTHERS),
-    (b"WorldBegin", "a scene of pbrt", SCENE_OF_OTHERS),
-    (b"\nAttributeBegin", "a scene of pbrt", SCENE_OF_OTHERS),
-    (b"\"perspective\"", "a scene of pbrt", SCENE_OF_OTHERS),
+    (b"WorldBegin", "a scene of pbrt", PBRT),
+    (b"\nAttributeBegin", "a scene of pbrt", PBRT),
+    (b"\"perspective\"", "a scene of pbrt", PBRT),
     (b"//Maya ASCII", "a Maya scene", TO_GLTF),
     (b"IESNA", "a photometric file (IES)", "name it as the `file` of a light of type `ies` in a scene"),
     (b"newmtl ", "a file of materials (MTL)", "name the OBJ that it belongs to"),
@@ -124,7 +125,7 @@ const BY_NAME: &[(&str, &str, &str)] = &[
     ("off", "a mesh in OFF", MESH),
     ("vtk", "a VTK file", MESH),
     ("vtp", "a VTK file", MESH),
-    ("pbrt", "a scene of pbrt", SCENE_OF_OTHERS),
+    ("pbrt", "a scene of pbrt", PBRT),
     ("pov", "a scene of POV-Ray", SCENE_OF_OTHERS),
     ("rib", "a RenderMan scene", SCENE_OF_OTHERS),
     ("xml", "XML", SCENE_OF_OTHERS),

@@ -5,6 +5,7 @@ use super::gltf::{further_files, is_gltf_file};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::mitsuba::is_mitsuba_file;
 use super::obj::material_files;
+use super::pbrt::is_pbrt_file;
 use crate::files::open_regular;
 use std::fmt::{self, Write};
 use std::io::{self, Read};
@@ -38,7 +39,7 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
 /// Where a mesh file can no longer be read.
 pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
     let is_gltf = is_gltf_file(&scene.location.file);
-    if is_gltf || is_mitsuba_file(&scene.location.file) {
+    if is_gltf || is_mitsuba_file(&scene.location.file) || is_pbrt_file(&scene.location.file) {
         // The file, the files that it names, and its parameters determine everything.
         let mut hasher = blake3::Hasher::new();
         hasher.update_reader(open_regular(&*scene.location.file)?.0)?;

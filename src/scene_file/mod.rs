@@ -22,6 +22,7 @@ mod mitsuba;
 pub mod obj;
 mod parameters;
 mod parse;
+mod pbrt;
 pub mod ply;
 pub mod polygon;
 mod reader;
@@ -45,5 +46,6 @@ pub use mitsuba::{
     MITSUBA_EXTENSIONS, is_mitsuba_file, mitsuba_scene, mitsuba_scene_within, parse_mitsuba_bytes,
 };
 pub use parse::{MAX_TEXT_BYTES, load_scene, parse_scene};
+pub use pbrt::{PBRT_EXTENSIONS, is_pbrt_file, parse_pbrt_bytes, pbrt_scene, pbrt_scene_within};
 pub use room::Choice;
 pub use stl::{parse_stl_bytes, read_stl};
