@@ -103,6 +103,14 @@ openvdb::GridPtrVec grids_of(const char* path)
   return grids;
 }
 
+openvdb::FloatTree::ValueOnCIter tiles_of(const openvdb::FloatGrid& grid)
+{
+  auto tiles = grid.tree().cbeginValueOn();
+  // Not into the leaves.
+  tiles.setMaxDepth(decltype(tiles)::LEAF_DEPTH - 1);
+  return tiles;
+}
+
 void send_descriptions(const openvdb::GridPtrVec& grids)
 {
   put<uint32_t>(0);
@@ -118,6 +126,19 @@ void send_descriptions(const openvdb::GridPtrVec& grids)
     const auto matrix = is_linear ? grid->transform().baseMap()->getAffineMap()->getMat4() : openvdb::Mat4d::identity();
     for (int row = 0; row < 4; ++row)
       for (int column = 0; column < 3; ++column) put<double>(matrix(row, column));
+    uint64_t leaves = 0, tile_leaves = 0;
+    if (const auto floats = openvdb::gridPtrCast<openvdb::FloatGrid>(grid)) {
+      leaves = floats->tree().leafCount();
+      for (auto tile = tiles_of(*floats); tile; ++tile) {
+        openvdb::CoordBBox box;
+        tile.getBoundingBox(box);
+        const uint64_t side = box.dim()[0] / 8;
+        tile_leaves += side * side * side;
+      }
+    }
+    put(leaves);
+    put(tile_leaves);
+    put<uint64_t>(grid->memUsage());
   }
   std::fflush(out);
 }
@@ -133,10 +154,7 @@ void send_voxels(const openvdb::GridBase::Ptr& chosen)
   if (!grid) throw std::runtime_error("the grid is not of floats");
   put<uint32_t>(0);
   put<float>(grid->background());
-  auto tile = grid->tree().cbeginValueOn();
-  // Not into the leaves.
-  tile.setMaxDepth(decltype(tile)::LEAF_DEPTH - 1);
-  for (; tile; ++tile) {
+  for (auto tile = tiles_of(*grid); tile; ++tile) {
     openvdb::CoordBBox box;
     tile.getBoundingBox(box);
     put<uint32_t>(1);

@@ -76,6 +76,12 @@ pub struct GridInfo {
     /// From index space (whole coordinates at the centres of voxels) to the world: the images of the three axes, and of the origin. `None`
     /// where it is not affine.
     pub to_world: Option<[[f64; 3]; 4]>,
+    /// Leaves of 8^3 voxels with values of their own; none where it is not of floats.
+    pub leaves: u64,
+    /// How many leaves its tiles fill; none where it is not of floats.
+    pub tile_leaves: u64,
+    /// Bytes that it takes in OpenVDB's process.
+    pub bytes: u64,
 }
 
 /// A file that was read, with the process that holds it.
@@ -336,10 +342,14 @@ impl Process {
         Ok(f32::from_bits(self.u32()?))
     }
 
-    fn f64(&mut self) -> Result<f64, Error> {
+    fn u64(&mut self) -> Result<u64, Error> {
         let mut bytes = [0; 8];
         self.fill(&mut bytes)?;
-        Ok(f64::from_ne_bytes(bytes))
+        Ok(u64::from_ne_bytes(bytes))
+    }
+
+    fn f64(&mut self) -> Result<f64, Error> {
+        Ok(f64::from_bits(self.u64()?))
     }
 
     fn text(&mut self) -> Result<String, Error> {
@@ -373,7 +383,9 @@ impl Process {
         for x in to_world.iter_mut().flatten() {
             *x = self.f64()?;
         }
-        Ok(GridInfo { name, value_type, class, is_float, to_world: is_linear.then_some(to_world) })
+        let to_world = is_linear.then_some(to_world);
+        let (leaves, tile_leaves, bytes) = (self.u64()?, self.u64()?, self.u64()?);
+        Ok(GridInfo { name, value_type, class, is_float, to_world, leaves, tile_leaves, bytes })
     }
 }
 

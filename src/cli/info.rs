@@ -1,5 +1,6 @@
 //! `cardioid info`: the contents of a scene and the plan for rendering it.
 
+use super::media_info::{DescribedMedium, describe_media};
 use super::outputs::{Named, Outputs};
 use super::picture::{SceneArgs, describe_camera, load};
 use super::settings::SettingsArgs;
@@ -45,6 +46,7 @@ struct DescribedMaterial {
 struct Described<'a> {
     scene: &'a str,
     materials: Vec<DescribedMaterial>,
+    media: Vec<DescribedMedium>,
     settings: &'a Settings,
     plan: &'a RenderPlan,
 }
@@ -74,7 +76,8 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
             kind: material.describe(scene.media()),
         };
         let materials = scene.materials().iter().map(described).collect();
-        let value = Described { scene: scene.name(), materials, settings: &settings, plan: &plan };
+        let media = describe_media(scene);
+        let value = Described { scene: scene.name(), materials, media, settings: &settings, plan: &plan };
         super::print(&format!("{}\n", serde_json::to_string_pretty(&value)?))?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -102,6 +105,9 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     for (name, material) in scene.materials() {
         writeln!(out, "  material   {name}: {}", material.describe(scene.media()))?;
     }
+    for medium in describe_media(scene) {
+        writeln!(out, "  medium     {}", medium.in_words())?;
+    }
     write_contacts(&mut out, scene)?;
     writeln!(out, "  Embree     {}", loaded.device.version())?;
     writeln!(out, "plan")?;
@@ -118,6 +124,16 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     }
     super::print(&out)?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// A number with four significant digits.
+pub(super) fn four_digits(x: f64) -> String {
+    let rounded: f64 = format!("{x:.3e}").parse().unwrap_or(x);
+    if rounded == 0.0 || (1e-4..1e7).contains(&rounded.abs()) {
+        rounded.to_string()
+    } else {
+        format!("{x:.3e}")
+    }
 }
 
 /// Writes the surfaces that touch, in one line that lists at most `SHOWN` pairs.

@@ -16,6 +16,7 @@ mod compare;
 mod hints;
 mod info;
 mod meaning;
+mod media_info;
 mod outputs;
 mod photons;
 mod picture;

@@ -4,7 +4,7 @@ use super::{Directions, Scratch};
 use crate::bsdf::Lobe;
 use crate::lights::{Light, LightId, Receiver};
 use crate::math::{Ray, Rgb};
-use crate::media::{DistanceSample, MediumStack, collision_density};
+use crate::media::{MediumStack, PlaceSample};
 use crate::photons::{ShadowDecision, ShadowMaps};
 use crate::sampling::{SampleStream, Splits, refined};
 use crate::scene::{Scene, SurfaceInteraction};
@@ -119,7 +119,7 @@ impl<'a> DirectLighting<'a> {
             let u_light = samples.next_2d();
             let Some(distances) = stretch.distances(self.anchor(light), throughput) else { continue };
             let at = distances.sample(way.into(), u.into());
-            sum += self.scattered_at(stretch, throughput, at, (light, 1.0, u_light), scratch);
+            sum += self.scattered_at(stretch, at, (light, 1.0, u_light), scratch);
         }
         for group in choice.groups() {
             let [way, u] = samples.next_2d().to_array();
@@ -128,7 +128,7 @@ impl<'a> DirectLighting<'a> {
             let at = distances.sample(way.into(), u.into());
             let from = in_medium(stretch.line.at(at.t).as_vec3());
             let Some((light, probability)) = group.sample(&from, choices) else { continue };
-            sum += self.scattered_at(stretch, throughput, at, (light, probability, u_light), scratch);
+            sum += self.scattered_at(stretch, at, (light, probability, u_light), scratch);
         }
         sum
     }
@@ -137,8 +137,7 @@ impl<'a> DirectLighting<'a> {
     fn scattered_at(
         &self,
         stretch: &Stretch<'_>,
-        throughput: Rgb,
-        at: DistanceSample,
+        at: PlaceSample,
         (index, probability, u): (LightId, f32, Vec2),
         scratch: &mut Scratch,
     ) -> Rgb {
@@ -164,8 +163,7 @@ impl<'a> DirectLighting<'a> {
         let weight = if light.is_delta() {
             1.0
         } else {
-            let tracked = collision_density(volume.coefficients().extinction(), throughput, at.t);
-            let other = (tracked / at.pdf) as f32 * phase;
+            let other = (at.collides / at.pdf) as f32 * phase;
             power_heuristic(sample.pdf_solid_angle * probability, other)
         };
         let scattering = volume.coefficients().scattering() * (volume.density().at(place) / at.pdf) as f32;
@@ -177,9 +175,11 @@ impl<'a> DirectLighting<'a> {
     pub fn density_of_collision(&self, at: &Collision<'_>, throughput: Rgb, id: Option<LightId>) -> f32 {
         let anchor =
             id.filter(|id| self.scene.light_choice().each().contains(id)).and_then(|id| self.anchor(id));
-        let Some(distances) = at.stretch.distances(anchor, throughput) else { return 1.0 };
-        let extinction = at.stretch.volume.coefficients().extinction();
-        (collision_density(extinction, throughput, at.t) / distances.pdf(at.t)) as f32
+        // What no light is sampled from is found by collisions alone.
+        let place = at.stretch.distances(anchor, throughput).map(|distances| distances.at(at.t));
+        place
+            .filter(|place| place.pdf > 0.0)
+            .map_or(f32::INFINITY, |place| (place.collides / place.pdf) as f32)
     }
 
     /// Approximate position of a light; `None` for light from infinity.

@@ -5,8 +5,12 @@
 //! exactly. What reaches the eye falls exponentially: that is sampled by transmittance. [`Distances`] draws by one of both and divides by
 //! the density of both together, which is the balance heuristic for one sample (Veach 1997, section 9.2.4). All of it in `f64`, without
 //! differences of large numbers.
+//!
+//! Where the density of the medium varies, transmittance is sampled over its integral along the line instead of the distance: in closed form
+//! where there is one, else with the mean of the bounds of each segment in place of the density.
 
-use super::density::Line;
+use super::Volume;
+use super::density::{Density, HeightFog, Line, Segment};
 use crate::math::Rgb;
 use glam::DVec3;
 
@@ -43,11 +47,125 @@ pub struct Exponential {
     share: DVec3,
 }
 
+/// A distance out of [`Distances`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaceSample {
+    /// Distance along the line.
+    pub t: f64,
+    /// Density with which it is sampled, per unit of length.
+    pub pdf: f64,
+    /// Density with which the path itself collides there, per unit of length: as [`collision_density`], by the same density of the medium
+    /// that distances are sampled by.
+    pub collides: f64,
+}
+
 /// Distances by either way, with the density of both.
 #[derive(Clone, Copy, Debug)]
-pub struct Distances {
+pub struct Distances<'a> {
     equiangular: Option<Equiangular>,
+    /// Over the depth of the course.
     exponential: Exponential,
+    course: Course<'a>,
+    extinction: Rgb,
+    throughput: Rgb,
+}
+
+/// How the density of a medium adds up along a line: to a depth, which is the length where the density is one.
+#[derive(Clone, Copy, Debug)]
+enum Course<'a> {
+    Even,
+    Height {
+        fog: &'a HeightFog,
+        line: Line,
+        end: f64,
+    },
+    /// The mean of the bounds of each segment.
+    Stepped {
+        density: &'a Density,
+        line: Line,
+        end: f64,
+    },
+}
+
+/// A place of a [`Course`].
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    t: f64,
+    /// Depth up to there.
+    depth: f64,
+    /// Depth per unit of length there.
+    rate: f64,
+}
+
+impl<'a> Course<'a> {
+    fn new(density: &'a Density, line: &Line, end: f64) -> Self {
+        match density {
+            Density::Homogeneous => Self::Even,
+            Density::Height(fog) => Self::Height { fog, line: *line, end },
+            Density::Field(_) | Density::Grid(_) => Self::Stepped { density, line: *line, end },
+        }
+    }
+
+    /// Segments with the density that stands for that of each.
+    fn steps(density: &'a Density, line: &Line, end: f64) -> impl Iterator<Item = (Segment, f64)> + use<'a> {
+        let with_rate = |segment: Segment| (segment, 0.5 * (segment.majorant + segment.minorant));
+        density.segments(line, end, f64::INFINITY).map(with_rate)
+    }
+
+    /// Depth at the end of a line of this length.
+    fn whole(&self, length: f64) -> f64 {
+        match *self {
+            Self::Even => length,
+            Self::Height { fog, line, end } => fog.depth(&line, end),
+            Self::Stepped { density, line, end } => {
+                Self::steps(density, &line, end).map(|(segment, rate)| (segment.t1 - segment.t0) * rate).sum()
+            }
+        }
+    }
+
+    fn at(&self, t: f64) -> Place {
+        match *self {
+            Self::Even => Place { t, depth: t, rate: 1.0 },
+            Self::Height { fog, line, .. } => {
+                Place { t, depth: fog.depth(&line, t), rate: fog.at(line.at(t)) }
+            }
+            Self::Stepped { density, line, end } => {
+                let mut depth = 0.0;
+                for (segment, rate) in Self::steps(density, &line, end) {
+                    if t <= segment.t1 {
+                        let is_within = t >= segment.t0;
+                        depth += (t - segment.t0).max(0.0) * rate;
+                        return Place { t, depth, rate: if is_within { rate } else { 0.0 } };
+                    }
+                    depth += (segment.t1 - segment.t0) * rate;
+                }
+                Place { t, depth, rate: 0.0 }
+            }
+        }
+    }
+
+    fn at_depth(&self, depth: f64) -> Place {
+        match *self {
+            Self::Even => Place { t: depth, depth, rate: 1.0 },
+            Self::Height { fog, line, end } => {
+                // Rounding may put the last depth out of reach.
+                let t = fog.distance(&line, end, depth).unwrap_or(end.min(f64::MAX));
+                Place { t, depth, rate: fog.at(line.at(t)) }
+            }
+            Self::Stepped { density, line, end } => {
+                let (mut left, mut last) = (depth, Place { t: 0.0, depth, rate: 0.0 });
+                for (segment, rate) in Self::steps(density, &line, end) {
+                    let t = segment.t0 + left.max(0.0) / rate;
+                    if t <= segment.t1 {
+                        return Place { t, depth, rate };
+                    }
+                    left -= (segment.t1 - segment.t0) * rate;
+                    last = Place { t: segment.t1, depth, rate };
+                }
+                last
+            }
+        }
+    }
 }
 
 /// Least distance of a point from a line over the largest extent of the part.
@@ -179,47 +297,54 @@ pub fn collision_density(extinction: Rgb, throughput: Rgb, t: f64) -> f64 {
     (0..3).map(|c| share[c] * extinction[c] * (-extinction[c] * t).exp()).sum()
 }
 
-impl Distances {
-    /// For a light at `point`, if it has a place, and the part of `line` between the distances of `range`, in a medium with this extinction
-    /// per unit of length; channels are picked by `throughput`. `None` where the part is empty, or endless and clear.
-    ///
-    /// Where the density of the medium varies any extinction will do that is near its mean: what is drawn is weighted by what is there.
+impl<'a> Distances<'a> {
+    /// For a light at `point`, if it has a place, and the first `length` of `line`, in a medium whose coefficients are per unit of that length;
+    /// channels are picked by `throughput`. `None` where nothing can collide there: the part is empty, or the density zero on all of it, or
+    /// the part is endless and clear.
     pub fn new(
+        volume: &'a Volume,
         line: &Line,
+        length: f64,
         point: Option<DVec3>,
-        range: (f64, f64),
-        extinction: Rgb,
         throughput: Rgb,
     ) -> Option<Self> {
-        let exponential = Exponential::new(extinction, throughput, range)?;
-        let equiangular = point.and_then(|point| Equiangular::new(line, point, range));
-        Some(Self { equiangular, exponential })
+        let extinction = volume.coefficients().extinction();
+        let course = Course::new(volume.density(), line, length);
+        let exponential = Exponential::new(extinction, throughput, (0.0, course.whole(length)))?;
+        let equiangular = point.and_then(|point| Equiangular::new(line, point, (0.0, length)));
+        Some(Self { equiangular, exponential, course, extinction, throughput })
     }
 
     /// The distance for two uniform variates in `[0, 1)`, of which the first chooses the way. Its density is that of both together.
-    pub fn sample(&self, way: f64, u: f64) -> DistanceSample {
+    pub fn sample(&self, way: f64, u: f64) -> PlaceSample {
         match &self.equiangular {
-            None => self.exponential.sample(u),
-            Some(equiangular) => {
-                let drawn = if way < 0.5 { equiangular.sample(u) } else { self.exponential.sample(u) };
-                DistanceSample { t: drawn.t, pdf: self.pdf(drawn.t) }
-            }
+            Some(equiangular) if way < 0.5 => self.at(equiangular.sample(u).t),
+            _ => self.told(self.course.at_depth(self.exponential.sample(u).t)),
         }
     }
 
-    /// Density per unit of length at the distance `t`, which is within the part.
-    pub fn pdf(&self, t: f64) -> f64 {
-        match &self.equiangular {
-            None => self.exponential.pdf(t),
-            Some(equiangular) => 0.5 * (equiangular.pdf(t) + self.exponential.pdf(t)),
-        }
+    /// The densities at the distance `t`, which is within the part.
+    pub fn at(&self, t: f64) -> PlaceSample {
+        self.told(self.course.at(t))
+    }
+
+    fn told(&self, Place { t, depth, rate }: Place) -> PlaceSample {
+        let along = self.exponential.pdf(depth) * rate;
+        let pdf = self.equiangular.map_or(along, |equiangular| 0.5 * (equiangular.pdf(t) + along));
+        let collides = collision_density(self.extinction, self.throughput, depth) * rate;
+        PlaceSample { t, pdf, collides }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Bounds3;
+    use crate::media::density::{BoundedField, GridBuilder, Smooth};
+    use crate::media::{Coefficients, Phase};
     use crate::sampling::{Rng, Stream};
+    use glam::{DAffine3, IVec3, UVec3};
+    use std::sync::Arc;
 
     fn line() -> Line {
         Line::new(DVec3::new(1.0, 2.0, 3.0), DVec3::new(0.3, -0.5, 0.8)).unwrap()
@@ -376,15 +501,14 @@ mod tests {
     #[test]
     fn both_ways_share_one_density() {
         let line = line();
-        let both =
-            Distances::new(&line, Some(beside(&line, 2.0, 0.01)), (0.0, 6.0), Rgb::splat(1.0), Rgb::ONE)
-                .unwrap();
+        let volume = volume(Density::Homogeneous);
+        let both = Distances::new(&volume, &line, 6.0, Some(beside(&line, 2.0, 0.01)), Rgb::ONE).unwrap();
         // The mean of 1/pdf is the length.
         let mut rng = Rng::new(1, Stream::Measure, 43);
         let (count, mut sum, mut squares) = (400_000, 0.0, 0.0);
         for _ in 0..count {
             let drawn = both.sample(rng.next_f64(), rng.next_f64());
-            assert_eq!(drawn.pdf, both.pdf(drawn.t));
+            assert_eq!(drawn, both.at(drawn.t));
             sum += 1.0 / drawn.pdf;
             squares += 1.0 / drawn.pdf / drawn.pdf;
         }
@@ -392,8 +516,68 @@ mod tests {
         let error = ((squares / f64::from(count) - mean * mean) / f64::from(count)).sqrt();
         assert!((mean - 6.0).abs() < 4.5 * error, "{mean} +- {error}");
         // Lights at infinity have no place.
-        let far = Distances::new(&line, None, (0.0, 6.0), Rgb::splat(1.0), Rgb::ONE).unwrap();
+        let far = Distances::new(&volume, &line, 6.0, None, Rgb::ONE).unwrap();
         assert_eq!(far.sample(0.1, 0.3), far.sample(0.9, 0.3));
-        assert!(Distances::new(&line, None, (0.0, 0.0), Rgb::ONE, Rgb::ONE).is_none());
+        assert!(Distances::new(&volume, &line, 0.0, None, Rgb::ONE).is_none());
+    }
+
+    fn volume(density: Density) -> Volume {
+        Volume::new(Coefficients::new(Rgb::ZERO, Rgb::ONE).unwrap(), Phase::Isotropic, density)
+    }
+
+    /// Densities that vary: where distances are sampled, the density of sampling integrates to one, and the mean of what is sampled of any
+    /// function is its integral.
+    #[test]
+    fn distances_follow_densities_that_vary() {
+        let bounds = Bounds3 { min: DVec3::splat(-2.0), max: DVec3::splat(2.0) };
+        let cone = Smooth { value: |p: DVec3| 5.0 * (1.0 - p.length()), slope: 5.0 };
+        let cone = Density::Field(Arc::new(BoundedField::new(cone, bounds, UVec3::splat(9)).unwrap()));
+        let mut builder = GridBuilder::default();
+        builder
+            .dense(IVec3::splat(-16), IVec3::splat(32), |v| if v.x < 0 { 0.0 } else { v.y.abs() as f32 })
+            .unwrap();
+        let grid = builder.finish(DAffine3::from_scale(DVec3::splat(0.1))).unwrap().0;
+        let fog = HeightFog::new(DVec3::Z, 0.5, 0.3).unwrap();
+        let mut rng = Rng::new(1, Stream::Measure, 44);
+        for density in [cone, Density::Grid(Arc::new(grid)), Density::Height(fog)] {
+            let volume = volume(density);
+            for (i, point) in [None, Some(DVec3::new(0.5, 0.2, 0.3))].into_iter().cycle().take(4).enumerate()
+            {
+                let from = DVec3::new(-3.0, 0.3 * i as f64 - 1.0, -1.0);
+                let line = Line::new(from, DVec3::new(0.3, 0.1, 0.4) - from).unwrap();
+                let Some(distances) = Distances::new(&volume, &line, 7.0, point, Rgb::ONE) else {
+                    panic!("{volume:?} has something on {line:?}")
+                };
+                let steps = 10_000;
+                let width = 7.0 / f64::from(steps);
+                let places = (0..steps).map(|step| distances.at((f64::from(step) + 0.5) * width));
+                let (mut whole, mut all, mut expected) = (0.0, 0.0, 0.0);
+                for place in places {
+                    whole += place.pdf * width;
+                    all += place.collides * width;
+                    expected += place.collides * place.t * width;
+                }
+                assert!((whole - 1.0).abs() < 2e-3, "{whole}");
+                // What collides at all, of a light of one.
+                let lost = 1.0 - (-distances.course.whole(7.0)).exp();
+                assert!((all - lost).abs() < 2e-3 * lost, "{all} {lost}");
+                let (count, mut sum, mut squares) = (5_000, 0.0, 0.0);
+                for _ in 0..count {
+                    let drawn = distances.sample(rng.next_f64(), rng.next_f64());
+                    assert!((0.0..=7.0).contains(&drawn.t) && drawn.pdf > 0.0, "{drawn:?}");
+                    let value = drawn.collides * drawn.t / drawn.pdf;
+                    sum += value;
+                    squares += value * value;
+                }
+                let mean = sum / f64::from(count);
+                let error = ((squares / f64::from(count) - mean * mean).max(0.0) / f64::from(count)).sqrt();
+                assert!(
+                    (mean - expected).abs() < 4.5 * error + 2e-3 * expected,
+                    "{mean} +- {error}, {expected}"
+                );
+            }
+            let away = Line::new(DVec3::new(0.0, 0.0, 500.0), DVec3::Z).unwrap();
+            assert!(Distances::new(&volume, &away, 7.0, None, Rgb::ONE).is_none());
+        }
     }
 }

@@ -17,12 +17,12 @@ mod vdb;
 mod volume;
 
 pub use coefficients::{CoefficientError, Coefficients};
-pub use distance::{DistanceSample, Distances, Equiangular, Exponential, collision_density};
+pub use distance::{DistanceSample, Distances, Equiangular, Exponential, PlaceSample, collision_density};
 pub use medium_stack::{Crossing, MOST_MEDIA, MediumStack};
 pub use phase::{Lobe, Phase, PhaseError, PhaseSample};
 pub use presets::{NAMED_MEDIA, NamedMedium};
 pub use tracking::{End, Flight, Losses};
-pub use vdb::{DENSITY, FLAMES, TEMPERATURE, VdbError, VdbGrid, read_vdb};
+pub use vdb::{DENSITY, FLAMES, TEMPERATURE, VdbError, VdbGrid, VdbSize, read_vdb, vdb_size};
 pub use volume::Volume;
 
 use crate::math::Rgb;

@@ -298,8 +298,7 @@ fn single_scattering_of_a_point_light() {
         for (g, expected) in [0.0, 0.7, -0.4].into_iter().zip(radiance) {
             let volume = Volume::homogeneous(coefficients, hg(g));
             for point in [Some(light), None] {
-                let distances =
-                    Distances::new(&line, point, (0.0, end), coefficients.extinction(), Rgb::ONE).unwrap();
+                let distances = Distances::new(&volume, &line, end, point, Rgb::ONE).unwrap();
                 let mut rng = Rng::new(SEED, Stream::Measure, 220);
                 let mut mean = Mean::default();
                 for _ in 0..40_000 {

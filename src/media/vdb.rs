@@ -35,6 +35,15 @@ pub struct VdbGrid {
     pub background: f32,
 }
 
+/// Memory that a grid of a file takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VdbSize {
+    /// Bytes of the grid, about.
+    pub bytes: u64,
+    /// Bytes more while the file is read: OpenVDB holds all grids of the file.
+    pub reading: u64,
+}
+
 /// Why no grid came out of a file.
 #[derive(Debug, thiserror::Error)]
 pub enum VdbError {
@@ -108,12 +117,9 @@ fn listed(grids: &[String]) -> String {
 /// # Errors
 /// Where the file cannot be read, has no such grid, or the grid cannot be a density.
 pub fn read_vdb(path: &Path, name: Option<&str>) -> Result<VdbGrid, VdbError> {
-    let limits = limits_of(check_first_bytes(path)?);
     let told = |error| VdbError::OpenVdb { path: path.to_owned(), error };
-    let file = VdbFile::open(path, limits).map_err(told)?;
-    let grids = file.grids().to_vec();
-    let number = choose(path, &grids, name)?;
-    let info = &grids[number];
+    let (file, number) = open(path, name)?;
+    let info = &file.grids()[number].clone();
     let unusable = |why: &str| VdbError::Unusable {
         path: path.to_owned(),
         name: info.name.clone(),
@@ -154,6 +160,29 @@ pub fn read_vdb(path: &Path, name: Option<&str>) -> Result<VdbGrid, VdbError> {
         return Err(unusable("has no voxel above zero"));
     }
     Ok(VdbGrid { name: info.name.clone(), grid, refused, background })
+}
+
+/// Memory that the grid of [`read_vdb`] will take. Takes about as long as reading it.
+///
+/// # Errors
+/// Where the file cannot be read, or has no such grid.
+pub fn vdb_size(path: &Path, name: Option<&str>) -> Result<VdbSize, VdbError> {
+    /// Bytes of a leaf with values of its own, with its share of the tables and of leaves beside it; and of one without.
+    const LEAF: [u64; 2] = [2300, 100];
+    let (file, number) = open(path, name)?;
+    let GridInfo { leaves, tile_leaves, .. } = file.grids()[number];
+    let bytes = leaves.saturating_mul(LEAF[0]).saturating_add(tile_leaves.saturating_mul(LEAF[1]));
+    let reading = file.grids().iter().map(|grid| grid.bytes).fold(0, u64::saturating_add);
+    Ok(VdbSize { bytes, reading })
+}
+
+/// The file, read by OpenVDB, and the number of the grid that is asked for.
+fn open(path: &Path, name: Option<&str>) -> Result<(VdbFile, usize), VdbError> {
+    let limits = limits_of(check_first_bytes(path)?);
+    let told = |error| VdbError::OpenVdb { path: path.to_owned(), error };
+    let file = VdbFile::open(path, limits).map_err(told)?;
+    let number = choose(path, file.grids(), name)?;
+    Ok((file, number))
 }
 
 /// What a file of so many bytes may take: sound ones take no more than this, and broken ones end.
@@ -245,6 +274,11 @@ mod tests {
             write(&path, &Dense { to_world, is_half, ..dense(&values) }).unwrap();
             let read = read_vdb(&path, None).unwrap();
             assert_eq!((read.name.as_str(), read.refused.count(), read.background), (DENSITY, 0, 0.0));
+            let size = vdb_size(&path, None).unwrap();
+            assert!(
+                size.bytes >= 27 * 2048 && size.bytes < 4 * 27 * 2048 && size.reading >= 27 * 2048,
+                "{size:?}"
+            );
             for (x, y, z) in [(0, 0, 0), (15, 15, 15), (3, 12, 7)] {
                 let index = DVec3::new(x as f64, y as f64, z as f64) - 4.0;
                 let place = DVec3::new(

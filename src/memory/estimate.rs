@@ -37,6 +37,8 @@ pub struct MemoryEstimate {
     pub lights: u64,
     /// Textures that stay in memory.
     pub textures: u64,
+    /// Voxels of media, and bounds on the density of others.
+    pub voxels: u64,
     /// Embree's hierarchy.
     pub hierarchy: u64,
     /// Additional memory while the hierarchy is built.
@@ -70,10 +72,11 @@ impl MemoryEstimate {
             ("meshes", self.meshes),
             ("lights and instances", self.lights),
             ("textures", self.textures),
+            ("voxels of media", self.voxels),
         ];
         let scene = ("Embree's hierarchy", self.hierarchy);
         let moments = [
-            ("while meshes are read", vec![("reading", self.reading)]),
+            ("while files are read", vec![("reading", self.reading)]),
             ("while Embree's hierarchy is built", vec![scene, ("building it", self.building)]),
             (
                 "while photons are traced",

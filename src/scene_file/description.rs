@@ -11,7 +11,7 @@ use crate::media::{Coefficients, Phase};
 use crate::scene::{IlluminationKernel, LayeredMaterial, Tangent};
 use crate::settings::Overrides;
 use crate::shapes::{Csg, TerrainNoise};
-use crate::textures::{SolidTexture, VertexData};
+use crate::textures::{Octaves, SolidTexture, VertexData};
 use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
 use std::path::PathBuf;
@@ -206,13 +206,77 @@ pub struct MediumDescription {
     pub priority: i32,
 }
 
-/// Coefficients and phase function of a participating medium.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Coefficients, phase function and density of a participating medium.
+#[derive(Clone, Debug, PartialEq)]
 pub struct VolumeDescription {
-    /// Coefficients, per metre.
+    /// Coefficients where the density is one, per metre.
     pub coefficients: Coefficients,
     /// Phase function.
     pub phase: Phase,
+    /// Density.
+    pub density: DensityDescription,
+    /// What it fills.
+    pub fills: FillDescription,
+}
+
+/// What a medium fills.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FillDescription {
+    /// The bodies that name it.
+    Bodies,
+    /// A box that is made around its density, besides.
+    Bounds,
+    /// A box that is made around the scene, besides.
+    Scene {
+        /// Factor on the size of the box around all shapes, the camera and lights with a position.
+        grow: f64,
+    },
+}
+
+/// Density of a medium as a function of the place.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DensityDescription {
+    /// One everywhere.
+    Even,
+    /// One up to a height, and falling exponentially above.
+    Height {
+        /// Direction of increasing height, any length.
+        up: DVec3,
+        /// Height up to which it is one, along `up` from the origin of the world, metres.
+        base: f64,
+        /// Height over which it falls to 1/e, metres.
+        scale: f64,
+    },
+    /// Noise in a box.
+    Noise(NoiseDescription),
+    /// Voxels of an OpenVDB file.
+    Vdb {
+        /// The file, already resolved against the scene file's folder.
+        file: PathBuf,
+        /// Name of the grid; `None`: the one that is a density.
+        grid: Option<String>,
+        /// From the space of the file to the world, metres.
+        transform: DAffine3,
+    },
+}
+
+/// A density made of noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseDescription {
+    /// Octaves, in the space of the noise.
+    pub octaves: Octaves,
+    /// Whether absolute values are summed.
+    pub is_turbulent: bool,
+    /// Noise that is a density of zero, and of one.
+    pub levels: (f64, f64),
+    /// Box that it fills, in the space of the noise.
+    pub bounds: Bounds3,
+    /// Whether it fills the ellipsoid in the box.
+    pub is_round: bool,
+    /// Share of the way from the middle to the sides over which it fades.
+    pub fade: f64,
+    /// From the space of the noise to the world, metres.
+    pub transform: DAffine3,
 }
 
 /// A surface model.

@@ -1,6 +1,9 @@
 //! Content hashes of scenes: over all files of a scene, and over the part that photons depend on.
 
-use super::description::{GeometryDescription, LightDescription, Named, SceneDescription, ShapeDescription};
+use super::description::{
+    DensityDescription, FillDescription, GeometryDescription, LightDescription, MediumDescription, Named,
+    SceneDescription, ShapeDescription,
+};
 use super::gltf::{further_files, is_gltf_file};
 use super::mesh_scene::{MESH_SCENE, MESH_SCENE_NAME};
 use super::mitsuba::is_mitsuba_file;
@@ -33,7 +36,8 @@ pub fn content_hash(scene: &SceneDescription, parameters: &[(String, String)]) -
 }
 
 /// Hash of everything in a scene that photons depend on, in hexadecimal: shapes and their mesh files, materials, textures, media
-/// and lights. It does not cover the camera, the picture, settings, names, or places in the file.
+/// and lights. It does not cover the camera (but for its place where a medium fills the scene), the picture, settings, names, or places in
+/// the file.
 ///
 /// # Errors
 /// Where a mesh file can no longer be read.
@@ -58,7 +62,7 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
     let SceneDescription {
         name: _,
         location: _,
-        camera: _,
+        camera,
         film: _,
         render: _,
         warnings: _,
@@ -81,7 +85,12 @@ pub fn photon_content_hash(scene: &SceneDescription) -> io::Result<String> {
     // Numbers print as the shortest text that parses to the same number, so different numbers print differently.
     let mut out = Hashing(&mut hasher);
     let written = (|| {
-        values(&mut out, "media", media)?;
+        writeln!(out, "media {}", media.len())?;
+        media.iter().try_for_each(|medium| write_medium(&mut out, &medium.value))?;
+        // What fills the scene ends behind the camera.
+        if media.iter().any(|medium| fills_scene(&medium.value)) {
+            writeln!(out, "eye {:?}", camera.as_ref().map(|camera| camera.eye))?;
+        }
         values(&mut out, "textures", textures)?;
         values(&mut out, "materials", materials)?;
         writeln!(out, "looks {looks:?} groups {}", groups.len())?;
@@ -108,6 +117,20 @@ impl Write for Hashing<'_> {
 fn values<T: fmt::Debug>(out: &mut impl Write, what: &str, things: &[Named<T>]) -> fmt::Result {
     writeln!(out, "{what} {}", things.len())?;
     things.iter().try_for_each(|thing| writeln!(out, "{:?}", thing.value))
+}
+
+fn fills_scene(medium: &MediumDescription) -> bool {
+    medium.volume.as_ref().is_some_and(|volume| matches!(volume.fills, FillDescription::Scene { .. }))
+}
+
+/// Writes a medium without the path of its file of voxels, whose content [`hash_files`] covers.
+fn write_medium(out: &mut impl Write, medium: &MediumDescription) -> fmt::Result {
+    let mut medium = medium.clone();
+    let density = medium.volume.as_mut().map(|volume| &mut volume.density);
+    if let Some(DensityDescription::Vdb { file, .. }) = density {
+        *file = PathBuf::new();
+    }
+    writeln!(out, "{medium:?}")
 }
 
 /// Writes a shape without the path of its mesh file, whose content [`hash_files`] covers.
@@ -148,7 +171,7 @@ struct ReadFile {
     is_optional: bool,
 }
 
-/// The files that a scene names, in the order of their use: meshes, material files, pictures, buffers, photometric files.
+/// The files that a scene names, in the order of their use: meshes, material files, pictures, buffers, photometric files, voxels.
 ///
 /// Files that a mesh names and that cannot be read are left out; the reader of the mesh reports them.
 fn named_files(scene: &SceneDescription) -> Vec<ReadFile> {
@@ -170,6 +193,12 @@ fn named_files(scene: &SceneDescription) -> Vec<ReadFile> {
         | LightDescription::Profile { file: path, .. } = &light.value
         {
             files.push(needed(path));
+        }
+    }
+    for medium in &scene.media {
+        let density = medium.value.volume.as_ref().map(|volume| &volume.density);
+        if let Some(DensityDescription::Vdb { file, .. }) = density {
+            files.push(needed(file));
         }
     }
     files

@@ -30,12 +30,11 @@ pub struct Stretch<'a> {
     pub rng: Rng,
 }
 
-impl Stretch<'_> {
+impl<'a> Stretch<'a> {
     /// The sampler of distances on the stretch for a light at `anchor`, if the light has a position, in a path of this
     /// throughput.
-    pub fn distances(&self, anchor: Option<DVec3>, throughput: Rgb) -> Option<Distances> {
-        let extinction = self.volume.coefficients().extinction();
-        Distances::new(&self.line, anchor, (0.0, self.length), extinction, throughput)
+    pub fn distances(&self, anchor: Option<DVec3>, throughput: Rgb) -> Option<Distances<'a>> {
+        Distances::new(self.volume, &self.line, self.length, anchor, throughput)
     }
 }
 
@@ -94,7 +93,13 @@ pub fn next_event_in_media<'a>(
                 pass(&stretch);
                 let flight = volume.fly(&line, t_max, throughput * weight, Losses::Weighted, &mut rng);
                 emitted += weight * flight.emitted;
-                match flight.end {
+                // Where nothing scatters, what passes need not be left to chance.
+                let end = if volume.coefficients().scattering() == Rgb::ZERO {
+                    End::Escaped { weight: volume.transmittance(&line, t_max, &mut rng) }
+                } else {
+                    flight.end
+                };
+                match end {
                     End::Scattered { t, weight: by } => {
                         weight *= by * volume.coefficients().albedo();
                         let position = line.at(t).as_vec3();

@@ -10,6 +10,7 @@ mod cache;
 mod closed_forms;
 mod contact;
 mod crossings;
+mod densities;
 mod determinism;
 mod direct;
 mod emitters;

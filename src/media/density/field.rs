@@ -3,7 +3,8 @@
 use super::cells::Cells;
 use super::{Line, Segment};
 use crate::math::Bounds3;
-use glam::{DVec3, IVec3, UVec3};
+use glam::{DAffine3, DVec3, IVec3, UVec3};
+use rayon::prelude::*;
 use std::fmt::Debug;
 
 /// A density as a function of the place that changes no faster than it says.
@@ -47,10 +48,14 @@ impl<F: Fn(DVec3) -> f64 + Send + Sync> DensityField for Smooth<F> {
     }
 }
 
-/// A [`DensityField`] within a box, with bounds on it for each of many cells.
+/// A [`DensityField`] within a box, with bounds on it for each of many cells. Field and box have a space of their own, which
+/// [`Self::placed`] places in that of lines.
 #[derive(Debug)]
 pub struct BoundedField {
     field: Box<dyn DensityField>,
+    /// From the space of lines to that of the field, and back.
+    to_own: DAffine3,
+    to_lines: DAffine3,
     bounds: Bounds3,
     cells: UVec3,
     /// Cells over a unit of length.
@@ -87,6 +92,9 @@ pub enum FieldError {
         /// What it is there.
         value: f64,
     },
+    /// The transform leads nowhere.
+    #[error("the transform of a density cannot be inverted, or is not finite")]
+    Transform,
 }
 
 const MOST_CELLS: u64 = 1 << 24;
@@ -119,18 +127,24 @@ impl BoundedField {
         let step = size / cells.as_dvec3();
         // No place of a cell is farther than this from the nearest sample.
         let reach = slope * (0.5 / f64::from(SAMPLES)) * step.length();
+        let row = |row: u32| {
+            let (y, z) = (row % cells.y, row / cells.y);
+            let cell = |x| {
+                let corner = min + step * UVec3::new(x, y, z).as_dvec3();
+                bounds_of_cell(&field, corner, step, reach)
+            };
+            (0..cells.x).map(cell).collect::<Result<Vec<_>, _>>()
+        };
+        let rows: Vec<_> = (0..cells.y * cells.z).into_par_iter().map(row).collect();
         let mut ranges = Vec::with_capacity(count as usize);
-        for z in 0..cells.z {
-            for y in 0..cells.y {
-                for x in 0..cells.x {
-                    let corner = min + step * UVec3::new(x, y, z).as_dvec3();
-                    ranges.push(bounds_of_cell(&field, corner, step, reach)?);
-                }
-            }
+        for row in rows {
+            ranges.extend(row?);
         }
         let majorant = ranges.iter().fold(0.0f32, |most, range| most.max(range.0));
         Ok(Self {
             field: Box::new(field),
+            to_own: DAffine3::IDENTITY,
+            to_lines: DAffine3::IDENTITY,
             bounds,
             cells,
             per_length: cells.as_dvec3() / size,
@@ -139,8 +153,33 @@ impl BoundedField {
         })
     }
 
+    /// The same, moved by `by`.
+    ///
+    /// # Errors
+    /// Where the transform cannot be inverted or is not finite.
+    pub fn placed(self, by: DAffine3) -> Result<Self, FieldError> {
+        let to_lines = by * self.to_lines;
+        let to_own = to_lines.inverse();
+        if to_lines.is_finite() && to_own.is_finite() {
+            Ok(Self { to_own, to_lines, ..self })
+        } else {
+            Err(FieldError::Transform)
+        }
+    }
+
+    /// The box outside of which the density is zero, and the transform from its space to that of lines.
+    pub fn placed_box(&self) -> (Bounds3, DAffine3) {
+        (self.bounds, self.to_lines)
+    }
+
+    /// Bytes that the bounds take.
+    pub fn memory(&self) -> usize {
+        size_of::<Self>() + size_of_val(&self.ranges[..])
+    }
+
     /// Density at `p`, zero outside of the box.
     pub fn at(&self, p: DVec3) -> f64 {
+        let p = self.to_own.transform_point3(p);
         if p.cmpge(self.bounds.min).all() && p.cmple(self.bounds.max).all() {
             let value = self.field.value(p);
             if value.is_finite() { value.min(self.field.most()).max(0.0) } else { 0.0 }
@@ -154,15 +193,15 @@ impl BoundedField {
         self.majorant
     }
 
-    /// Length of the diagonal of the box.
+    /// Length of the diagonal of the box around it, in the space of lines.
     pub fn diagonal(&self) -> f64 {
-        (self.bounds.max - self.bounds.min).length()
+        2.0 * self.bounds.transformed(&self.to_lines).radius()
     }
 
     /// Segments of `line` from 0 to `t_max`: one for each cell on its way that is not empty.
     pub fn segments(&self, line: &Line, t_max: f64) -> FieldSegments<'_> {
-        let origin = (line.origin() - self.bounds.min) * self.per_length;
-        let direction = line.direction() * self.per_length;
+        let origin = (self.to_own.transform_point3(line.origin()) - self.bounds.min) * self.per_length;
+        let direction = self.to_own.transform_vector3(line.direction()) * self.per_length;
         let cells = Cells::new(origin, direction, (0.0, t_max), IVec3::ZERO, self.cells.as_ivec3());
         FieldSegments { field: self, cells }
     }
@@ -254,6 +293,33 @@ mod tests {
         // Corners of the box, where the cone is not, are skipped.
         let edge = Line::new(DVec3::new(-2.0, 0.97, 0.97), DVec3::X).unwrap();
         assert_eq!(density.segments(&edge, 9.0, 0.0).count(), 0);
+    }
+
+    #[test]
+    fn bounds_hold_wherever_a_field_is_placed() {
+        let cone = Smooth { value: |p: DVec3| 1.0 - p.length(), slope: 1.0 };
+        let by = DAffine3::from_scale_rotation_translation(
+            DVec3::new(2.0, -0.5, 3.0),
+            glam::DQuat::from_rotation_z(0.7),
+            DVec3::new(5.0, 6.0, 7.0),
+        );
+        let field = BoundedField::new(cone, unit_box(), UVec3::splat(8)).unwrap().placed(by).unwrap();
+        let p = DVec3::new(0.1, -0.4, 0.2);
+        assert!((field.at(by.transform_point3(p)) - (1.0 - p.length())).abs() < 1e-12);
+        let density = Density::Field(Arc::new(field));
+        let mut rng = Rng::new(1, Stream::Measure, 38);
+        let mut segments = 0;
+        for _ in 0..500 {
+            let origin = random_point(&mut rng, DVec3::ZERO, DVec3::splat(12.0));
+            let target = by.transform_point3(random_point(&mut rng, DVec3::NEG_ONE, DVec3::ONE));
+            let line = Line::new(origin, target - origin).unwrap();
+            segments += check_segments(&density, &line, 30.0 * rng.next_f64(), &mut rng);
+        }
+        assert!(segments > 1000, "{segments}");
+        let cone = Smooth { value: |p: DVec3| 1.0 - p.length(), slope: 1.0 };
+        let field = BoundedField::new(cone, unit_box(), UVec3::splat(2)).unwrap();
+        let flat = DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0));
+        assert!(matches!(field.placed(flat), Err(FieldError::Transform)));
     }
 
     #[test]

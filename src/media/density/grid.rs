@@ -6,7 +6,8 @@
 //! one of its own. So its bounds are those of its own voxels and of the first layer of those behind it.
 
 use super::cells::Cells;
-use super::{Line, Segment};
+use super::grid_builder::inverse_of;
+use super::{GridError, Line, Segment};
 use crate::math::Bounds3;
 use glam::{DAffine3, DVec3, IVec3};
 
@@ -83,12 +84,37 @@ impl Grid {
         self.leaves.is_empty()
     }
 
-    /// A box, in the space of lines, outside of which the density is zero.
+    /// A box along the axes of the space of lines, outside of which the density is zero.
     pub fn bounds(&self) -> Bounds3 {
         self.domain.transformed(&self.to_world)
     }
 
-    /// Length of the diagonal of that box; zero where the grid is empty.
+    /// The same, moved by `by`.
+    ///
+    /// # Errors
+    /// Where the transform cannot be inverted or is not finite.
+    pub fn placed(self, by: DAffine3) -> Result<Self, GridError> {
+        let to_world = by * self.to_world;
+        Ok(Self { to_index: inverse_of(&to_world)?, to_world, ..self })
+    }
+
+    /// The box outside of which the density is zero, in index space, and the transform from there to the space of lines.
+    pub fn placed_box(&self) -> (Bounds3, DAffine3) {
+        (self.domain, self.to_world)
+    }
+
+    /// How many voxels are above zero.
+    pub fn voxels(&self) -> u64 {
+        let of_leaf = |leaf: &Leaf| match leaf.content {
+            Content::Constant(value) => u64::from(value > 0.0) * super::LEAF_VALUES as u64,
+            Content::Values(block) => {
+                self.values[block as usize].iter().filter(|value| **value > 0.0).count() as u64
+            }
+        };
+        self.leaves.iter().map(of_leaf).sum()
+    }
+
+    /// Length of the diagonal of [`Self::bounds`]; zero where the grid is empty.
     pub fn diagonal(&self) -> f64 {
         2.0 * self.bounds().radius()
     }

@@ -157,10 +157,7 @@ impl GridBuilder {
     /// # Errors
     /// Where the transform cannot be inverted, or the box around all voxels is too large.
     pub fn finish(mut self, to_world: DAffine3) -> Result<(Grid, Refused), GridError> {
-        let to_index = to_world.inverse();
-        if !to_world.is_finite() || !to_index.is_finite() || to_world.matrix3.determinant() == 0.0 {
-            return Err(GridError::Transform);
-        }
+        let to_index = inverse_of(&to_world)?;
         // The last of each place, in order, without those that are empty.
         self.leaves.sort_by_key(|(leaf, _)| *leaf);
         self.leaves.reverse();
@@ -185,6 +182,13 @@ impl GridBuilder {
         bound(&mut grid);
         Ok((grid, self.refused))
     }
+}
+
+/// The way back from where `to_world` leads.
+pub(super) fn inverse_of(to_world: &DAffine3) -> Result<DAffine3, GridError> {
+    let back = to_world.inverse();
+    let is_sound = to_world.is_finite() && back.is_finite() && to_world.matrix3.determinant() != 0.0;
+    is_sound.then_some(back).ok_or(GridError::Transform)
 }
 
 impl Refused {
@@ -410,6 +414,26 @@ mod tests {
         );
         let inner = grid.leaves.iter().filter(|leaf| leaf.minorant == 0.5 && leaf.majorant == 0.5).count();
         assert_eq!(inner, 15 * 15 * 15);
+    }
+
+    #[test]
+    fn a_grid_can_be_moved() {
+        let mut builder = GridBuilder::default();
+        builder.dense(IVec3::ZERO, IVec3::splat(8), |v| v.z as f32).unwrap();
+        let grid = builder.finish(DAffine3::from_scale(DVec3::splat(0.1))).unwrap().0;
+        assert_eq!(grid.voxels(), 8 * 8 * 7);
+        let by = DAffine3::from_rotation_x(0.3) * DAffine3::from_translation(DVec3::new(1.0, 2.0, 3.0));
+        let p = DVec3::new(0.31, 0.22, 0.57);
+        let before = grid.at(p);
+        let grid = grid.placed(by).unwrap();
+        assert!(before > 5.0 && (grid.at(by.transform_point3(p)) - before).abs() < 1e-9);
+        let (bounds, to_lines) = grid.placed_box();
+        assert!(
+            (to_lines.transform_point3(bounds.min) - by.transform_point3(DVec3::new(-0.1, -0.1, 0.0)))
+                .length()
+                < 1e-9
+        );
+        assert!(matches!(grid.placed(DAffine3::ZERO), Err(GridError::Transform)));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{Line, Segment};
 use crate::math::unit_f64;
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
 /// Density one up to a height, and `exp(-(h - base) / scale)` above.
 ///
@@ -63,6 +63,18 @@ impl HeightFog {
             return Err(HeightError::Scale(scale));
         }
         Ok(Self { up, base, scale })
+    }
+
+    /// The same, moved by `by`.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn placed(&self, by: &DAffine3) -> Result<Self, HeightError> {
+        // Height is linear in the place, so what was up is moved as normals are.
+        let gradient = by.matrix3.inverse().transpose() * self.up;
+        let steepness = gradient.length();
+        let base = self.base / steepness + gradient.dot(by.translation) / steepness;
+        Self::new(gradient, base, self.scale / steepness)
     }
 
     /// Density at `p`.
@@ -241,6 +253,21 @@ mod tests {
             let found = (-fog.depth(&line([0.0; 3], direction), t_max)).exp();
             assert!((found - expected).abs() < 1e-8, "{direction:?} {t_max}: {found}");
         }
+    }
+
+    #[test]
+    fn a_fog_can_be_moved() {
+        let fog = HeightFog::new(DVec3::new(0.0, 2.0, 0.0), 3.0, 0.5).unwrap();
+        let turn = DAffine3::from_rotation_x(0.4) * DAffine3::from_scale(DVec3::splat(4.0));
+        let uneven = DAffine3::from_scale(DVec3::new(1.0, -2.0, 3.0)) * DAffine3::from_rotation_z(0.3);
+        for by in [DAffine3::from_translation(DVec3::new(1.0, 2.0, 3.0)) * turn, uneven] {
+            let moved = fog.placed(&by).unwrap();
+            for p in [DVec3::new(0.3, 2.0, 7.0), DVec3::new(-3.0, 3.2, 1.0), DVec3::new(5.0, 4.0, 0.0)] {
+                let (before, after) = (fog.at(p), moved.at(by.transform_point3(p)));
+                assert!((after / before - 1.0).abs() < 1e-12, "{by:?} {p}: {before} {after}");
+            }
+        }
+        assert!(fog.placed(&DAffine3::ZERO).is_err());
     }
 
     /// Midpoint rule, fine enough for 1e-6.

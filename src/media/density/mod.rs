@@ -15,10 +15,10 @@ pub use field::{BoundedField, DensityField, FieldError, FieldSegments, Smooth};
 pub use grid::{Grid, GridSegments};
 pub use grid_builder::{GridBuilder, GridError, LEAF_SIDE, LEAF_VALUES, Refused};
 pub use height::{HeightError, HeightFog, HeightSegments};
-pub use noise_field::{NoiseField, NoiseFieldError};
+pub use noise_field::{Envelope, NoiseField, NoiseFieldError};
 
-use crate::math::{Ray, unit_f64};
-use glam::DVec3;
+use crate::math::{Bounds3, Ray, unit_f64};
+use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
 /// A line in `f64`, whose parameter is the distance from its origin.
@@ -53,6 +53,23 @@ pub enum Density {
     Field(Arc<BoundedField>),
     /// Voxels, between which it is interpolated.
     Grid(Arc<Grid>),
+}
+
+/// Why a density cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum DensityError {
+    /// A fog by height.
+    #[error(transparent)]
+    Height(#[from] HeightError),
+    /// A function in a box.
+    #[error(transparent)]
+    Field(#[from] FieldError),
+    /// Noise.
+    #[error(transparent)]
+    Noise(#[from] NoiseFieldError),
+    /// Voxels.
+    #[error(transparent)]
+    Grid(#[from] GridError),
 }
 
 /// Segments of a line through a density, in order; they do not overlap, and the density is zero between them.
@@ -138,6 +155,35 @@ impl Density {
             Self::Homogeneous => Some(t_max.max(0.0)),
             Self::Height(fog) => Some(fog.depth(line, t_max)),
             Self::Field(_) | Self::Grid(_) => None,
+        }
+    }
+
+    /// The integral of the density over the part of `line` from 0 to `t_max`: exact, but for functions, of which two values in each cell
+    /// are taken.
+    pub fn integral(&self, line: &Line, t_max: f64) -> f64 {
+        match self {
+            Self::Homogeneous => t_max.max(0.0),
+            Self::Height(fog) => fog.depth(line, t_max),
+            Self::Grid(grid) => grid.integral(line, t_max),
+            Self::Field(field) => {
+                // Gauss's two points.
+                let of = |segment: Segment| {
+                    let (middle, half) = (0.5 * (segment.t0 + segment.t1), 0.5 * (segment.t1 - segment.t0));
+                    let at = |x: f64| field.at(line.at(middle + half * x));
+                    half * (at(-1.0 / 3f64.sqrt()) + at(1.0 / 3f64.sqrt()))
+                };
+                field.segments(line, t_max).map(of).sum()
+            }
+        }
+    }
+
+    /// The box outside of which the density is zero, and the transform from its space to that of lines; `None` where the density ends
+    /// nowhere.
+    pub fn placed_box(&self) -> Option<(Bounds3, DAffine3)> {
+        match self {
+            Self::Homogeneous | Self::Height(_) => None,
+            Self::Field(field) => Some(field.placed_box()),
+            Self::Grid(grid) => Some(grid.placed_box()),
         }
     }
 

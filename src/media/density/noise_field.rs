@@ -1,6 +1,7 @@
 //! Clouds and smoke out of noise.
 
 use super::DensityField;
+use crate::math::Bounds3;
 use crate::textures::Octaves;
 use glam::{DAffine3, DVec3};
 
@@ -9,7 +10,7 @@ use glam::{DAffine3, DVec3};
 const NOISE_SLOPE: f64 = 3.9;
 
 /// A density made of octaves of noise (Perlin, "An Image Synthesizer", 1985): their sum, of which `low` becomes a density of zero and
-/// `high` one of one.
+/// `high` one of one, less what an [`Envelope`] takes away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NoiseField {
     octaves: Octaves,
@@ -19,6 +20,39 @@ pub struct NoiseField {
     to_noise: DAffine3,
     /// Largest factor by which `to_noise` stretches.
     stretch: f64,
+    envelope: Option<Envelope>,
+}
+
+/// Takes the density away towards the sides of a box: none up to a share of the way from its middle, and from there on linearly up to a
+/// density of one at the sides. What is denser than one is first cut to that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Envelope {
+    center: DVec3,
+    half: DVec3,
+    fade: f64,
+    is_round: bool,
+}
+
+impl Envelope {
+    /// Within `bounds`, or with `is_round` within the ellipsoid in them, over the outer share `fade` of the way; `None` where that is not
+    /// above 0 and at most 1, or the bounds have no volume.
+    pub fn new(bounds: &Bounds3, is_round: bool, fade: f64) -> Option<Self> {
+        let half = 0.5 * (bounds.max - bounds.min);
+        let is_sound = fade > 0.0 && fade <= 1.0 && half.min_element() > 0.0 && half.is_finite();
+        is_sound.then_some(Self { center: bounds.min + half, half, fade, is_round })
+    }
+
+    /// What is taken away at `p`.
+    fn taken(&self, p: DVec3) -> f64 {
+        let way = ((p - self.center) / self.half).abs();
+        let way = if self.is_round { way.length() } else { way.max_element() };
+        ((way - (1.0 - self.fade)) / self.fade).max(0.0)
+    }
+
+    /// Largest slope of that.
+    fn slope(&self) -> f64 {
+        1.0 / (self.fade * self.half.min_element())
+    }
 }
 
 /// Why noise cannot be a density.
@@ -81,22 +115,40 @@ impl NoiseField {
             .iter()
             .all(|e| e.abs() < 1e-9 * stretch * stretch);
         let stretch = if is_even { stretch / 3f64.sqrt() * (1.0 + 1e-9) } else { stretch };
-        Ok(Self { octaves, is_turbulent, low, high, to_noise, stretch })
+        Ok(Self { octaves, is_turbulent, low, high, to_noise, stretch, envelope: None })
+    }
+
+    /// The bound on its slope, as [`DensityField::slope`].
+    pub fn steepness(&self) -> f64 {
+        self.slope()
+    }
+
+    /// The same within an envelope, in the space of lines.
+    #[must_use]
+    pub fn within(self, envelope: Option<Envelope>) -> Self {
+        Self { envelope, ..self }
     }
 }
 
 impl DensityField for NoiseField {
     fn value(&self, p: DVec3) -> f64 {
+        let taken = self.envelope.map_or(0.0, |envelope| envelope.taken(p));
+        if taken >= 1.0 {
+            // Nothing is left, whatever the noise is, and nothing is nearer than the envelope says.
+            return 1.0 - taken;
+        }
         let p = self.to_noise.transform_point3(p);
         let value =
             if self.is_turbulent { self.octaves.turbulence(p, 0.0) } else { self.octaves.fractal(p, 0.0) };
-        (value - self.low) / (self.high - self.low)
+        let density = (value - self.low) / (self.high - self.low);
+        if self.envelope.is_some() { density.min(1.0) - taken } else { density }
     }
 
     fn slope(&self) -> f64 {
         // An octave of half the wavelength has half the height: all are as steep as the first.
         let octaves = (self.octaves.size / self.octaves.finest).log2().floor() + 1.0;
-        octaves * NOISE_SLOPE / self.octaves.size * self.stretch / (self.high - self.low)
+        let of_noise = octaves * NOISE_SLOPE / self.octaves.size * self.stretch / (self.high - self.low);
+        of_noise + self.envelope.map_or(0.0, |envelope| envelope.slope())
     }
 
     fn most(&self) -> f64 {
@@ -192,6 +244,48 @@ mod tests {
             }
             assert!(segments > 1000, "{segments}");
         }
+    }
+
+    /// Noise that is one everywhere, faded from the middle of a ball on: the density 1 - r.
+    #[test]
+    fn an_envelope_takes_away_towards_the_sides() {
+        let bounds = Bounds3 { min: DVec3::new(-1.0, 1.0, -3.0), max: DVec3::new(1.0, 3.0, 3.0) };
+        let octaves = Octaves { size: 1.0, finest: 1.0, seed: 3 };
+        let full = NoiseField::new(octaves, false, (-4.0, -3.0), DAffine3::IDENTITY).unwrap();
+        let field = |is_round, fade| {
+            let envelope = Envelope::new(&bounds, is_round, fade);
+            assert!(envelope.is_some());
+            BoundedField::new(full.within(envelope), bounds, UVec3::new(8, 8, 24)).unwrap()
+        };
+        let ball = field(true, 1.0);
+        for (p, want) in
+            [([0.0, 2.0, 0.0], 1.0), ([0.3, 2.4, 0.0], 0.5), ([0.0, 2.0, 1.5], 0.5), ([0.9, 2.9, 0.0], 0.0)]
+        {
+            assert!(
+                (ball.at(DVec3::from_array(p)) - want).abs() < 1e-12,
+                "{p:?}: {}",
+                ball.at(DVec3::from_array(p))
+            );
+        }
+        let sides = field(false, 0.25);
+        for (p, want) in [([0.7, 2.7, 2.0], 1.0), ([0.9, 2.0, 0.0], 0.4), ([0.9, 2.0, 2.85], 0.2)] {
+            assert!(
+                (sides.at(DVec3::from_array(p)) - want).abs() < 1e-12,
+                "{p:?}: {}",
+                sides.at(DVec3::from_array(p))
+            );
+        }
+        let mut rng = Rng::new(1, Stream::Measure, 39);
+        for density in [ball, sides].map(|field| Density::Field(Arc::new(field))) {
+            for _ in 0..100 {
+                let [from, to] = [(); 2].map(|()| random_point(&mut rng, bounds.min - 1.0, bounds.max + 1.0));
+                check_segments(&density, &Line::new(from, to - from).unwrap(), 9.0, &mut rng);
+            }
+        }
+        for fade in [0.0, -1.0, 1.1, f64::NAN] {
+            assert_eq!(Envelope::new(&bounds, true, fade), None);
+        }
+        assert_eq!(Envelope::new(&Bounds3::EMPTY, true, 0.5), None);
     }
 
     #[test]

@@ -5,8 +5,8 @@ use super::place::{choose_normals, similarity};
 use super::{BuildError, BuildProblem, begin_reading, error_of};
 use crate::observer::Observer;
 use crate::scene_file::description::{
-    CameraDescription, FitDescription, FitMoves, GeometryDescription, LightDescription, Named,
-    ProfileBrightness, SceneDescription, SceneWarning, ShapeDescription,
+    CameraDescription, DensityDescription, FitDescription, FitMoves, GeometryDescription, LightDescription,
+    Named, NoiseDescription, ProfileBrightness, SceneDescription, SceneWarning, ShapeDescription,
 };
 use crate::scene_file::enclosure::Triangles;
 use crate::scene_file::mesh::{MeshReport, TriangleMesh};
@@ -191,6 +191,20 @@ fn move_scene(scene: &mut SceneDescription, by: &DAffine3, scale: f64, kept: &[b
         });
         let (eye, at, up) = (point(camera.eye), point(camera.at), vector(camera.up));
         *camera = CameraDescription { eye, at, up, lens, ..camera.clone() };
+    }
+    for medium in &mut scene.media {
+        match medium.value.volume.as_mut().map(|volume| &mut volume.density) {
+            None | Some(DensityDescription::Even) => {}
+            Some(DensityDescription::Height { up, base, scale: over }) => {
+                // `by` keeps angles: a plane across `up` becomes one across its image.
+                let on_base = by.transform_point3(up.normalize_or_zero() * *base);
+                *up = vector(*up);
+                *base = up.normalize_or_zero().dot(on_base);
+                *over *= scale;
+            }
+            Some(DensityDescription::Noise(NoiseDescription { transform, .. }))
+            | Some(DensityDescription::Vdb { transform, .. }) => *transform = *by * *transform,
+        }
     }
     let mut is_kept_group = vec![false; scene.groups.len()];
     for (shape, kept) in scene.shapes.iter_mut().zip(kept) {

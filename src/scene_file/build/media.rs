@@ -3,27 +3,27 @@
 use super::super::description::{
     MaterialDescription, MediumDescription, Named, SceneDescription, VolumeDescription,
 };
-use super::BuildError;
+use super::densities::{WorldDensity, of};
+use super::{BuildError, BuildProblem};
 use crate::math::Bounds3;
-use crate::media::{CoefficientError, Medium, Volume};
+use crate::media::{Medium, Volume};
 use crate::scene::RenderSpace;
 use std::cmp::Reverse;
 use std::sync::Arc;
 
-/// The media of a scene with shapes `placed` there (number and bounds of each).
+/// The media of a scene with shapes `placed` there (number and bounds of each), and their densities in the world.
 pub(super) fn media(
     description: &SceneDescription,
     space: &RenderSpace,
     placed: &[(usize, Bounds3)],
+    densities: Vec<Option<WorldDensity>>,
 ) -> Result<Vec<Medium>, BuildError> {
     let ranks = ranks(description, placed);
-    let medium = |(medium, rank): (&Named<MediumDescription>, u32)| {
-        let volume = medium.value.volume.as_ref().map(|volume| in_render_space(volume, space)).transpose();
-        let volume = volume.map_err(|error| BuildError {
-            location: medium.location.clone(),
-            object: format!("medium `{}`", medium.name),
-            problem: error.into(),
-        })?;
+    type Parts<'a> = ((&'a Named<MediumDescription>, Option<WorldDensity>), u32);
+    let medium = |((medium, density), rank): Parts<'_>| {
+        let volume = medium.value.volume.as_ref().zip(density);
+        let volume = volume.map(|(volume, density)| in_render_space(volume, density, space)).transpose();
+        let volume = volume.map_err(|problem| of(medium, problem))?;
         Ok(Medium {
             name: medium.name.clone(),
             ior: medium.value.ior as f32,
@@ -32,16 +32,20 @@ pub(super) fn media(
             rank,
         })
     };
-    description.media.iter().zip(ranks).map(medium).collect()
+    description.media.iter().zip(densities).zip(ranks).map(medium).collect()
 }
 
-/// A volume with coefficients per unit of render space, and with its emission in render units of radiance.
-fn in_render_space(volume: &VolumeDescription, space: &RenderSpace) -> Result<Volume, CoefficientError> {
+/// A volume with its density in render space, coefficients per unit of that, and with its emission in render units of radiance.
+fn in_render_space(
+    volume: &VolumeDescription,
+    density: WorldDensity,
+    space: &RenderSpace,
+) -> Result<Volume, BuildProblem> {
     let coefficients = volume.coefficients;
     let scaled = coefficients
         .with_emission(coefficients.emission() * space.power as f32)?
         .per_length((1.0 / space.scale) as f32)?;
-    Ok(Volume::homogeneous(scaled, volume.phase))
+    Ok(Volume::new(scaled, volume.phase, density.placed(space.to_affine())?))
 }
 
 /// Rank of each medium where bodies overlap: by the priority in the scene, then the smaller body before the larger one (ice

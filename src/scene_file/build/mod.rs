@@ -1,6 +1,7 @@
 //! Builds a scene from its description. Coordinates are recentred and scaled in `f64`, then rounded to `f32` once.
 
 mod around;
+mod densities;
 mod gltf_shapes;
 mod light;
 mod media;
@@ -9,6 +10,7 @@ mod place;
 mod textured;
 
 use self::around::Ready;
+pub(super) use self::densities::NOISE_BYTES;
 use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
@@ -25,7 +27,8 @@ use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::image_io::ImageError;
 use crate::lights::{AreaLight, Light};
 use crate::math::{Bounds3, Rgb};
-use crate::media::{CoefficientError, MOST_MEDIA_OF_SCENE, MediumId};
+use crate::media::density::DensityError;
+use crate::media::{CoefficientError, MOST_MEDIA_OF_SCENE, MediumId, VdbError};
 use crate::observer::{Observer, Silent};
 use crate::scene::{
     Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
@@ -118,6 +121,12 @@ pub enum BuildProblem {
     /// Coefficients of a medium that single precision cannot hold at the scale of the scene.
     #[error("{0} (at the scale of this scene)")]
     Medium(#[from] CoefficientError),
+    /// A density that cannot be.
+    #[error(transparent)]
+    Density(#[from] DensityError),
+    /// The file of a density cannot be read.
+    #[error(transparent)]
+    Vdb(#[from] Box<VdbError>),
     /// An error of Embree.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
@@ -210,15 +219,30 @@ pub fn build_scene_watched(
     if description.media.len() > MOST_MEDIA_OF_SCENE {
         return Err(whole(description, BuildProblem::Media(description.media.len())));
     }
+    let (densities, warnings) = densities::read_densities(description, observer)?;
+    // Before the builder, which refers to them.
+    let (with_bounds, with_scene);
     let mut builder = Builder::read(description, ready, observer)?;
+    builder.warnings.extend(warnings);
+    with_bounds = densities::with_boxes(description, &densities, None)?;
+    if let Some(with_bounds) = &with_bounds {
+        builder.extend(with_bounds)?;
+    }
+    // What a camera that is not given is framed around.
+    let seen = bounds_of(&builder.placed_bounds());
+    with_scene = densities::with_boxes(builder.description, &densities, Some(&seen))?;
+    if let Some(with_scene) = &with_scene {
+        builder.extend(with_scene)?;
+    }
+    let description = builder.description;
     let placed = builder.placed_bounds();
-    let bounds = placed.iter().fold(Bounds3::EMPTY, |all, (_, bounds)| all.union(*bounds));
+    let bounds = bounds_of(&placed);
     if !(bounds.is_empty() || bounds.center().is_finite() && bounds.radius().is_finite()) {
         return Err(whole(description, BuildProblem::Extent));
     }
     let space = RenderSpace::fitting(choose_center(&bounds, &placed), bounds.radius());
     builder.warn_of_coarse_positions(space.center, &placed);
-    let (camera, view) = builder.camera(&bounds, &space, (width, height))?;
+    let (camera, view) = builder.camera(&seen, &space, (width, height))?;
     let (embree, assembly) = builder.assemble(device, &space, observer)?;
     let radius = space.length(bounds.radius()) as f32;
     let flux = assembly.flux(&builder.lights, &space, f64::from(radius));
@@ -237,7 +261,7 @@ pub fn build_scene_watched(
         surfaces,
         materials: materials(description),
         textures: textures(description),
-        media: media::media(description, &space, &placed)?,
+        media: media::media(description, &space, &placed, densities)?,
         lights,
         space,
         bounds: (space.position(bounds.center()).as_vec3(), radius),
@@ -249,7 +273,12 @@ pub fn build_scene_watched(
     Ok(BuiltScene { scene, camera, view, film, warnings: builder.warnings, notes })
 }
 
-/// Reports that a mesh file is being read.
+/// The box around all that is placed.
+fn bounds_of(placed: &[(usize, Bounds3)]) -> Bounds3 {
+    placed.iter().fold(Bounds3::EMPTY, |all, (_, bounds)| all.union(*bounds))
+}
+
+/// Reports that a file is being read.
 fn begin_reading(observer: &dyn Observer, path: &Path) {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     observer.begin(&format!("reading {name}"), std::fs::metadata(path).map_or(1, |file| file.len()));
@@ -348,6 +377,19 @@ impl<'a> Builder<'a> {
             lights.push(source);
         }
         Ok(Self { description, sources, specularities, lights, warnings, pixel: 0.0 })
+    }
+
+    /// Goes on with a description that has more materials and shapes than the present one.
+    fn extend(&mut self, description: &'a SceneDescription) -> Result<(), BuildError> {
+        for shape in &description.shapes[self.sources.len()..] {
+            let error = |problem| error_of(shape, problem);
+            let (source, before, _) = Source::read(&shape.value.geometry, &|_, _| true).map_err(error)?;
+            self.sources.push((source, shape.value.transform * before));
+        }
+        self.description = description;
+        self.specularities =
+            materials(description).iter().map(|(_, material)| material.specularity()).collect();
+        Ok(())
     }
 
     /// Every placement of every shape: its index, and the transform from its own space to the world. A shape of a group occurs

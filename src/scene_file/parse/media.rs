@@ -1,5 +1,6 @@
 //! `[media.NAME]`.
 
+use super::density::{FACTOR, read_density, read_fills};
 use super::materials::{IOR, read_absorption};
 use super::names::Names;
 use crate::media::{Coefficients, NAMED_MEDIA, NamedMedium, Phase};
@@ -19,10 +20,6 @@ const MEAN_COSINE: Expected = Expected {
     example: "0.8",
     holds: |x| x.abs() < 1.0,
 };
-
-/// Range of scattering coefficients: within it no change of scale leaves the range of `f32`.
-const SCATTERING: Expected =
-    Expected { what: "a number from 0 to 1e12", example: "0.5", holds: |x| (0.0..=1e12).contains(&x) };
 
 /// Media by name, with `air` first.
 pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
@@ -45,6 +42,14 @@ pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<Medi
             value.table(format!("[media.{name}]"), &example).and_then(|medium| read_medium(medium, unit));
         // A medium with errors keeps its place, so that the numbers of the others stay valid.
         let value = medium.unwrap_or(air.clone());
+        let fills_scene = |medium: &MediumDescription| {
+            medium.volume.as_ref().is_some_and(|volume| matches!(volume.fills, FillDescription::Scene { .. }))
+        };
+        let others: &[Named<MediumDescription>] = if fills_scene(&value) { &media } else { &[] };
+        if let Some(first) = others.iter().find(|medium| fills_scene(&medium.value)) {
+            let message = format!("`{}` fills the scene already, and `{name}` is to do so too", first.name);
+            context.error(&span, message, "leave `fills` out in one of them, and give it to a body");
+        }
         media.push(Named { name: name.to_string(), location: context.location(&span), value });
     }
     (media, names)
@@ -66,11 +71,32 @@ fn read_medium(mut table: Table<'_>, unit: f64) -> Option<MediumDescription> {
         None => table.optional("ior", |value| value.number(&IOR)).flatten(),
     };
     let priority = table.or("priority", 0, |value| Some(value.number(&PRIORITY)? as i32));
+    if let (Some(Some(volume)), Some(ior)) = (&volume, ior) {
+        check_fills(&table, volume, ior)?;
+    }
     table.finish();
     let (volume, absorption) = (volume?, absorption?);
     preset?;
     let absorption = if volume.is_some() { DVec3::ZERO } else { absorption };
     Some(MediumDescription { ior: ior?, absorption, priority: priority?, volume })
+}
+
+/// Whether a medium can fill what it is to fill.
+fn check_fills(table: &Table<'_>, volume: &VolumeDescription, ior: f64) -> Option<()> {
+    let has_bounds = matches!(volume.density, DensityDescription::Noise(_) | DensityDescription::Vdb { .. });
+    let title = table.title();
+    if volume.fills == FillDescription::Bounds && !has_bounds {
+        let message = format!("{title} is to fill the bounds of its density, which ends nowhere");
+        let remedy =
+            "write `fills = \"scene\"`, a `density` of type `noise` or `vdb`, or give the medium to a body";
+        return table.refuse(message, remedy);
+    }
+    if volume.fills != FillDescription::Bodies && ior != 1.0 {
+        let message =
+            format!("{title} has no body of its own, and `ior = {ior}` would make its border a surface");
+        return table.refuse(message, "write `ior = 1.0`, or give the medium to a body in place of `fills`");
+    }
+    Some(())
 }
 
 /// Reads the volume of a medium: `Some(None)` where nothing scatters, `None` after an error.
@@ -80,18 +106,21 @@ fn read_volume(
     preset: Option<&NamedMedium>,
     absorption: Option<DVec3>,
 ) -> Option<Option<VolumeDescription>> {
-    let scattering = table.optional("scattering", |value| value.colour(&SCATTERING));
+    let scattering = table.optional("scattering", |value| value.colour(&FACTOR));
     let albedo = table.optional("albedo", |value| value.colour(&FRACTION));
     let free_path = table.optional("mean-free-path", |value| value.colour(&POSITIVE));
     let visibility = table.optional("visibility", |value| value.number(&POSITIVE));
     let emission = table.optional("emission", |value| value.colour(&NON_NEGATIVE));
-    let density = table.or("density", 1.0, |value| value.number(&SCATTERING));
+    let has_table = table.peek("density").is_some_and(|value| value.is_table());
+    let even = (1.0, DensityDescription::Even);
+    let density = table.or("density", even, |value| read_density(value, unit));
+    let fills = read_fills(table);
     let cosine = table.optional("g", |value| value.number(&MEAN_COSINE));
     let kinds = [("isotropic", Phase::Isotropic), ("rayleigh", Phase::Rayleigh)];
     let phase = table.optional("phase", |value: Value<'_>| value.choice(&kinds));
     let (scattering, albedo, free_path) = (scattering?, albedo?, free_path?);
-    let (visibility, emission, density, cosine, phase) = (visibility?, emission?, density?, cosine?, phase?);
-    let absorption = absorption?;
+    let (visibility, emission, cosine, phase) = (visibility?, emission?, cosine?, phase?);
+    let ((factor, density), fills, absorption) = (density?, fills?, absorption?);
     let by_albedo = albedo.is_some() || free_path.is_some();
     let ways = [preset.is_some(), scattering.is_some(), by_albedo, visibility.is_some()];
     if ways.iter().filter(|&&given| given).count() > 1 {
@@ -109,10 +138,13 @@ fn read_volume(
         let message = format!("{} gives absorption twice", table.title());
         return table.refuse(message, "leave out `absorption`, which the preset, the albedo or the visibility says, or use `scattering`");
     }
-    if !ways.contains(&true) && emission.is_none() {
-        if phase.is_some() || cosine.is_some() || density != 1.0 {
+    // What absorbs and has a place of its own is a volume too.
+    let has_place = has_table || fills != FillDescription::Bodies;
+    let absorbs_there = absorption != DVec3::ZERO && has_place;
+    if !ways.contains(&true) && emission.is_none() && !absorbs_there {
+        if phase.is_some() || cosine.is_some() || factor != 1.0 || has_place {
             let message =
-                format!("{} has a phase function or a density, but does not scatter", table.title());
+                format!("{} has a phase function, a density or a place, but does not scatter", table.title());
             return table
                 .refuse(message, "add `scattering = 0.5`, `visibility = 50.0` or `preset = \"fog\"`");
         }
@@ -138,10 +170,12 @@ fn read_volume(
         _ => Ok(Phase::Isotropic),
     };
     let coefficients = coefficients
-        .and_then(|c| c.per_length(density as f32))
-        .and_then(|c| c.with_emission(emission.unwrap_or(DVec3::ZERO).as_vec3() * density as f32));
+        .and_then(|c| c.per_length(factor as f32))
+        .and_then(|c| c.with_emission(emission.unwrap_or(DVec3::ZERO).as_vec3() * factor as f32));
     match (coefficients, phase) {
-        (Ok(coefficients), Ok(phase)) => Some(Some(VolumeDescription { coefficients, phase })),
+        (Ok(coefficients), Ok(phase)) => {
+            Some(Some(VolumeDescription { coefficients, phase, density, fills }))
+        }
         (Err(error), _) => table.refuse(error.to_string(), "choose other coefficients"),
         (_, Err(error)) => table.refuse(error.to_string(), "choose another phase function"),
     }

@@ -1,5 +1,6 @@
 //! Parses the text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
 
+mod density;
 mod generate;
 mod glossy;
 mod lights;
@@ -171,7 +172,10 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
     let (mut materials, looks, material_names) =
         materials::read_materials(material_tables, &media_names, &mut media, &texture_names, unit);
     let shape_tables = sections(&mut table, "shapes");
-    if shape_tables.is_empty() && table.get("shapes").is_none() {
+    let has_box = |medium: &Named<MediumDescription>| {
+        medium.value.volume.as_ref().is_some_and(|volume| volume.fills == FillDescription::Bounds)
+    };
+    if shape_tables.is_empty() && table.get("shapes").is_none() && !media.iter().any(has_box) {
         context.error_of_file("the scene has no shapes", "add at least one `[[shapes]]` table");
     }
     let shapes = shapes::read_shapes(shape_tables, &material_names, unit);

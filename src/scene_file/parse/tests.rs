@@ -372,6 +372,57 @@ fn every_error_has_a_place_and_a_remedy() {
         (scene("[media.x]\nalbedo = 0.5"), "1:1", &["only one of `albedo` and `mean-free-path`"]),
         (scene("[media.x]\nscattering = 1\ng = 1"), "3:5", &["between -1 and 1"]),
         (scene("[media.x]\npreset = \"frog\""), "2:10", &["fog"]),
+        (scene("[media.x]\nscattering = 1\ndensity = -1"), "3:11", &["from 0 to 1e12"]),
+        (scene("[media.x]\nscattering = 1\ndensity = {}"), "3:11", &["`density` has no `type`", "height"]),
+        (scene("[media.x]\ndensity = { type = \"height\", scale-height = 1 }"), "1:1", &["does not scatter"]),
+        (
+            scene(
+                "[media.x]\nscattering = 1\ndensity = { type = \"height\", scale-height = 1, up = [0, 0, 0] }",
+            ),
+            "3:11",
+            &["upward direction", "`up`"],
+        ),
+        (
+            scene(
+                "[media.x]\nscattering = 1\n[media.x.density]\ntype = \"noise\"\nmin = [0, 0, 0]\nmax = [1, 1, 0]\nsize = 1",
+            ),
+            "3:1",
+            &["below its `max`"],
+        ),
+        (
+            scene(
+                "[media.x]\nscattering = 1\n[media.x.density]\ntype = \"noise\"\nmin = [0, 0, 0]\nmax = [1, 1, 1]\nsize = 1\nlow = 2",
+            ),
+            "3:1",
+            &["must be larger", "`low`"],
+        ),
+        (
+            scene("[media.x]\nscattering = 1\ndensity = { type = \"vdb\", file = \"none.vdb\" }"),
+            "3:34",
+            &["there is no file none.vdb", "relative"],
+        ),
+        (
+            scene("[media.x]\nscattering = 1\nfills = \"bounds\""),
+            "1:1",
+            &["ends nowhere", "`fills = \"scene\"`"],
+        ),
+        (
+            scene("[media.x]\nior = 1.3\nscattering = 1\nfills = \"scene\""),
+            "1:1",
+            &["`ior = 1.3` would make its border a surface", "`ior = 1.0`"],
+        ),
+        (
+            scene("[media.x]\nscattering = 1\ngrow = 2"),
+            "1:1",
+            &["does not fill the scene", "leave `grow` out"],
+        ),
+        (
+            scene(
+                "[media.x]\nscattering = 1\nfills = \"scene\"\n[media.y]\nscattering = 1\nfills = \"scene\"",
+            ),
+            "4:8",
+            &["`x` fills the scene already", "a body"],
+        ),
         (scene("[render]\nkernel = \"foo\"\ncone-k = 2"), "2:10", &["cone"]),
         (scene("[media.x]\nior = 0.9"), "2:7", &["from 1 to 100"]),
         (scene("[media.x]\nabsorption = 1"), "1:1", &["[media.x] has no `ior`"]),
