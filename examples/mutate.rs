@@ -61,7 +61,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let targets = common::TARGETS.into_iter().filter(|target| what == "all" || what == target);
     let mut ran = 0;
     for target in targets {
-        run(target, executions, seed)?;
+        // Each of these starts a process.
+        let share = if what == "all" && target == "vdb" { 1000 } else { 1 };
+        run(target, executions.div_ceil(share), seed)?;
         ran += 1;
     }
     if ran == 0 { Err(usage.into()) } else { Ok(()) }
@@ -71,6 +73,10 @@ fn run(target: &str, executions: u64, seed: u64) -> Result<(), Box<dyn Error>> {
     let mut pool = common::seeds(target);
     if let Some(bad) = pool.iter().find(|seed| !common::execute(target, seed)) {
         return Err(format!("a seed of {target} is refused: {}", String::from_utf8_lossy(bad)).into());
+    }
+    if pool.is_empty() {
+        println!("{target}: nothing to begin with, as OpenVDB is not there");
+        return Ok(());
     }
     let kept = pool.len();
     let start = Instant::now();

@@ -2,6 +2,7 @@
 //! gets bytes, and must read or refuse them.
 
 use cardioid::math::Rgb;
+use cardioid::media::read_vdb;
 use cardioid::photons::{Photon, PhotonClass, PhotonMap, read_photon_maps, write_photon_file};
 use cardioid::render::{MapKind, blank_checkpoint_bytes, parse_checkpoint_bytes};
 use cardioid::scene_file::mesh::{MeshReport, TriangleMesh};
@@ -11,11 +12,12 @@ use cardioid::scene_file::{
     parse_gltf_bytes, parse_ies_bytes, parse_mitsuba_bytes, parse_pbrt_bytes, parse_scene, parse_stl_bytes,
 };
 use glam::Vec3;
+use openvdb_sys::{Dense, GridClass, is_compiled};
 use std::path::Path;
 
 /// Names of the targets.
-pub(crate) const TARGETS: [&str; 10] =
-    ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds", "mitsuba", "pbrt"];
+pub(crate) const TARGETS: [&str; 11] =
+    ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds", "mitsuba", "pbrt", "vdb"];
 
 /// Pixels of the render in rounds.
 const ROUNDS_SIZE: (u32, u32) = (3, 2);
@@ -97,6 +99,24 @@ pub(crate) fn execute(target: &str, bytes: &[u8]) -> bool {
                 false
             }
         },
+        "vdb" => {
+            let folder = tempfile::tempdir().expect("a folder for the file");
+            let path = folder.path().join("a.vdb");
+            std::fs::write(&path, bytes).expect("room for the file");
+            match read_vdb(&path, None) {
+                Ok(read) => {
+                    let (most, bounds) = (read.grid.majorant(), read.grid.bounds());
+                    assert!(
+                        most > 0.0 && most.is_finite() && bounds.min.is_finite() && bounds.max.is_finite()
+                    );
+                    true
+                }
+                Err(error) => {
+                    assert!(error.to_string().contains("a.vdb"), "{error}");
+                    false
+                }
+            }
+        }
         "rounds" => {
             // As it is, and with a checksum that fits.
             let read = |bytes: &[u8]| parse_checkpoint_bytes(bytes, Path::new("a.rounds"), ROUNDS_SIZE);
@@ -270,8 +290,27 @@ material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = 30, axis = 
             b"WorldBegin Material \"matte\" \"color Kd\" [.1 .2 .3] Shape \"sphere\" \"float radius\" 2 WorldEnd".to_vec(),
         ],
         "rounds" => blank_checkpoint_bytes(ROUNDS_SIZE).into_iter().collect(),
+        "vdb" => vdb_seeds(),
         other => panic!("no target `{other}`"),
     }
+}
+
+/// Small files of voxels; none where there is no OpenVDB to write them.
+fn vdb_seeds() -> Vec<Vec<u8>> {
+    if !is_compiled() {
+        return Vec::new();
+    }
+    let folder = tempfile::tempdir().expect("a folder for the files");
+    let path = folder.path().join("seed.vdb");
+    let values: Vec<f32> = (0..9 * 9 * 9).map(|i| (i % 97) as f32).collect();
+    let turned = [[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [0.0, 0.0, 0.3], [1.0, 2.0, 3.0]];
+    let file = |(values, is_half): (&[f32], bool)| {
+        let (name, origin, size, class) = ("density", [-3, 5, 6], [9; 3], GridClass::FogVolume);
+        let grid = Dense { name, origin, size, values, to_world: turned, class, is_half };
+        openvdb_sys::write(&path, &grid).expect("a file of voxels");
+        std::fs::read(&path).expect("what was written")
+    };
+    [(&values[..], false), (&values[..], true), (&[0.5; 9 * 9 * 9][..], false)].map(file).to_vec()
 }
 
 /// Words that a mutation puts in: of the formats, and numbers at the ends of their types.

@@ -33,7 +33,10 @@ pub(super) fn describe_media(scene: &Scene) -> Vec<DescribedMedium> {
         let extinction = volume.map_or(medium.absorption, |volume| volume.coefficients().extinction());
         let path = |loss: f32| (loss > 0.0).then(|| space.metres(1.0 / f64::from(loss)));
         let (voxels, bytes) = match volume.map(Volume::density) {
-            Some(Density::Grid(grid)) => (Some(grid.voxels()), Some(grid.memory() as u64)),
+            Some(Density::Grid(grid)) => {
+                let glow = volume.and_then(|volume| volume.glow()).map_or(0, |glow| glow.memory());
+                (Some(grid.voxels()), Some((grid.memory() + glow) as u64))
+            }
             Some(Density::Field(field)) => (None, Some(field.memory() as u64)),
             Some(Density::Homogeneous | Density::Height(_)) | None => (None, None),
         };

@@ -7,6 +7,7 @@
 mod coefficients;
 pub mod density;
 mod distance;
+mod glow;
 mod medium_stack;
 mod phase;
 mod presets;
@@ -18,6 +19,7 @@ mod volume;
 
 pub use coefficients::{CoefficientError, Coefficients};
 pub use distance::{DistanceSample, Distances, Equiangular, Exponential, PlaceSample, collision_density};
+pub use glow::Glow;
 pub use medium_stack::{Crossing, MOST_MEDIA, MediumStack};
 pub use phase::{Lobe, Phase, PhaseError, PhaseSample};
 pub use presets::{NAMED_MEDIA, NamedMedium};

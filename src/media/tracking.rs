@@ -273,7 +273,8 @@ impl Volume {
                 }
                 Kind::Emit => {
                     let emission = self.coefficients().emission().as_dvec3();
-                    emitted += weight(rates.emit).as_dvec3() * emission / rates.emit;
+                    let share = self.glow().map_or(DVec3::ONE, |glow| glow.at(line.at(t)));
+                    emitted += weight(rates.emit).as_dvec3() * emission * share / rates.emit;
                     passed.glows += 1;
                 }
                 Kind::Null => passed.nulls += 1,

@@ -157,7 +157,7 @@ pub fn read_vdb(path: &Path, name: Option<&str>) -> Result<VdbGrid, VdbError> {
     drop(read);
     let (grid, refused) = builder.finish(to_world).map_err(wrong)?;
     if grid.is_empty() {
-        return Err(unusable("has no voxel above zero"));
+        return Err(unusable("has no voxel above zero. Name another grid, or another file"));
     }
     Ok(VdbGrid { name: info.name.clone(), grid, refused, background })
 }

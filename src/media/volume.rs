@@ -1,9 +1,10 @@
 //! What fills a body: coefficients, a phase function and a density.
 
 use super::density::{Density, Line};
-use super::{Coefficients, Phase};
+use super::{Coefficients, Glow, Phase};
 use crate::math::Rgb;
 use glam::DVec3;
+use std::sync::Arc;
 
 /// A medium that scatters, absorbs and emits, with the density that its coefficients are multiplied with.
 ///
@@ -14,6 +15,7 @@ pub struct Volume {
     phase: Phase,
     density: Density,
     glow_rate: DVec3,
+    glow: Option<Arc<Glow>>,
 }
 
 /// Places at which emission is sampled on the longest line through a density.
@@ -31,7 +33,18 @@ impl Volume {
             }
             _ => DVec3::ZERO,
         };
-        Self { coefficients, phase, density, glow_rate }
+        Self { coefficients, phase, density, glow_rate, glow: None }
+    }
+
+    /// The same, with the emission multiplied by what `glow` says of each place. For densities that end somewhere.
+    #[must_use]
+    pub fn glowing(self, glow: Glow) -> Self {
+        Self { glow: Some(Arc::new(glow)), ..self }
+    }
+
+    /// How the emission varies besides the density; `None` where it does not.
+    pub fn glow(&self) -> Option<&Glow> {
+        self.glow.as_deref()
     }
 
     /// A homogeneous one.

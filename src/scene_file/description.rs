@@ -219,6 +219,13 @@ pub struct VolumeDescription {
     pub fills: FillDescription,
 }
 
+impl VolumeDescription {
+    /// One of even density, in the bodies that name it.
+    pub fn even(coefficients: Coefficients, phase: Phase) -> Self {
+        Self { coefficients, phase, density: DensityDescription::Even, fills: FillDescription::Bodies }
+    }
+}
+
 /// What a medium fills.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FillDescription {
@@ -257,7 +264,20 @@ pub enum DensityDescription {
         grid: Option<String>,
         /// From the space of the file to the world, metres.
         transform: DAffine3,
+        /// Temperatures at which what absorbs glows.
+        fire: Option<FireDescription>,
     },
+}
+
+/// Emission of black bodies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FireDescription {
+    /// Name of the grid of temperatures, in the same file as the density.
+    pub grid: String,
+    /// Kelvin for a value of one.
+    pub kelvin: f64,
+    /// Radiance for 683 cd/m^2, W/(m^2 sr).
+    pub glow: f64,
 }
 
 /// A density made of noise.

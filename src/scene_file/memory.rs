@@ -34,7 +34,11 @@ impl MemoryEstimate {
 fn vdb_sizes(scene: &SceneDescription) -> Vec<VdbSize> {
     let density =
         |medium: &super::Named<super::MediumDescription>| match &medium.value.volume.as_ref()?.density {
-            DensityDescription::Vdb { file, grid, .. } => vdb_size(file, grid.as_deref()).ok(),
+            DensityDescription::Vdb { file, grid, fire, .. } => {
+                let fire = fire.as_ref().and_then(|fire| vdb_size(file, Some(&fire.grid)).ok());
+                let size = vdb_size(file, grid.as_deref()).ok()?;
+                Some(VdbSize { bytes: size.bytes + fire.map_or(0, |fire| fire.bytes), ..size })
+            }
             DensityDescription::Noise(_) => {
                 Some(VdbSize { bytes: super::build::NOISE_BYTES, ..VdbSize::default() })
             }

@@ -3,14 +3,16 @@
 use super::{BuildError, BuildProblem, begin_reading};
 use crate::math::Bounds3;
 use crate::media::density::{BoundedField, Density, DensityError, Envelope, Grid, HeightFog, NoiseField};
-use crate::media::read_vdb;
+use crate::media::{Glow, read_vdb};
 use crate::observer::Observer;
 use crate::scene_file::description::{
-    DensityDescription, FillDescription, GeometryDescription, LightDescription, MaterialDescription,
-    MediumDescription, Named, NoiseDescription, SceneDescription, SceneWarning, ShapeDescription,
+    DensityDescription, FillDescription, FireDescription, GeometryDescription, LightDescription,
+    MaterialDescription, MediumDescription, Named, NoiseDescription, SceneDescription, SceneWarning,
+    ShapeDescription,
 };
 use crate::shapes::{Csg, Solid};
 use glam::{DAffine3, DVec3, UVec3};
+use std::path::Path;
 use std::sync::Arc;
 
 /// Cells in which the density of noise is bounded, at most about.
@@ -28,34 +30,68 @@ pub(super) enum WorldDensity {
     Even,
     Height(HeightFog),
     Field(BoundedField),
-    Grid(Grid),
+    Grid(Grid, Option<WorldFire>),
+}
+
+/// Temperatures in the world.
+#[derive(Debug)]
+pub(super) struct WorldFire {
+    temperature: Grid,
+    kelvin: f64,
+    glow: f64,
+}
+
+impl WorldFire {
+    /// How the medium glows in another space, to which `by` leads, and the radiance of its hottest place, W/(m^2 sr).
+    pub(super) fn placed(self, by: DAffine3) -> Result<(Glow, DVec3), DensityError> {
+        let (glow, most) = Glow::new(self.temperature.placed(by)?, self.kelvin);
+        Ok((glow, most * self.glow))
+    }
+}
+
+/// A grid under a transform, and what is to be said of its values.
+fn read_grid(
+    file: &Path,
+    name: Option<&str>,
+    transform: &DAffine3,
+) -> Result<(Grid, Option<String>), BuildProblem> {
+    let read = read_vdb(file, name).map_err(Box::new)?;
+    let refused = read.refused;
+    let warning = (refused.count() > 0).then(|| {
+        format!(
+            "grid `{}` of {}: voxels without a usable value count as zero ({} not a number, {} infinite, {} below zero)",
+            read.name,
+            file.display(),
+            refused.nan,
+            refused.infinite,
+            refused.negative
+        )
+    });
+    Ok((read.grid.placed(*transform).map_err(DensityError::from)?, warning))
 }
 
 impl WorldDensity {
-    /// The density that is described, and a warning about its file.
-    fn read(described: &DensityDescription) -> Result<(Self, Option<String>), BuildProblem> {
+    /// The density that is described, and warnings about its file.
+    fn read(described: &DensityDescription) -> Result<(Self, Vec<String>), BuildProblem> {
         match described {
-            DensityDescription::Even => Ok((Self::Even, None)),
+            DensityDescription::Even => Ok((Self::Even, Vec::new())),
             &DensityDescription::Height { up, base, scale } => {
                 let fog = HeightFog::new(up, base, scale).map_err(DensityError::from)?;
-                Ok((Self::Height(fog), None))
+                Ok((Self::Height(fog), Vec::new()))
             }
-            DensityDescription::Noise(noise) => Ok((Self::Field(field_of(noise)?), None)),
-            DensityDescription::Vdb { file, grid, transform } => {
-                let read = read_vdb(file, grid.as_deref()).map_err(Box::new)?;
-                let refused = read.refused;
-                let warning = (refused.count() > 0).then(|| {
-                    format!(
-                        "grid `{}` of {}: voxels without a usable value count as zero ({} not a number, {} infinite, {} below zero)",
-                        read.name,
-                        file.display(),
-                        refused.nan,
-                        refused.infinite,
-                        refused.negative
-                    )
-                });
-                let placed = read.grid.placed(*transform).map_err(DensityError::from)?;
-                Ok((Self::Grid(placed), warning))
+            DensityDescription::Noise(noise) => Ok((Self::Field(field_of(noise)?), Vec::new())),
+            DensityDescription::Vdb { file, grid, transform, fire } => {
+                let (density, first) = read_grid(file, grid.as_deref(), transform)?;
+                let mut said: Vec<String> = first.into_iter().collect();
+                let fire = match fire {
+                    None => None,
+                    Some(FireDescription { grid, kelvin, glow }) => {
+                        let (temperature, second) = read_grid(file, Some(grid), transform)?;
+                        said.extend(second);
+                        Some(WorldFire { temperature, kelvin: *kelvin, glow: *glow })
+                    }
+                };
+                Ok((Self::Grid(density, fire), said))
             }
         }
     }
@@ -65,17 +101,17 @@ impl WorldDensity {
         match self {
             Self::Even | Self::Height(_) => None,
             Self::Field(field) => Some(field.placed_box()),
-            Self::Grid(grid) => Some(grid.placed_box()),
+            Self::Grid(grid, _) => Some(grid.placed_box()),
         }
     }
 
     /// The same in another space, to which `by` leads.
-    pub(super) fn placed(self, by: DAffine3) -> Result<Density, DensityError> {
+    pub(super) fn placed(self, by: DAffine3) -> Result<(Density, Option<WorldFire>), DensityError> {
         Ok(match self {
-            Self::Even => Density::Homogeneous,
-            Self::Height(fog) => Density::Height(fog.placed(&by)?),
-            Self::Field(field) => Density::Field(Arc::new(field.placed(by)?)),
-            Self::Grid(grid) => Density::Grid(Arc::new(grid.placed(by)?)),
+            Self::Even => (Density::Homogeneous, None),
+            Self::Height(fog) => (Density::Height(fog.placed(&by)?), None),
+            Self::Field(field) => (Density::Field(Arc::new(field.placed(by)?)), None),
+            Self::Grid(grid, fire) => (Density::Grid(Arc::new(grid.placed(by)?)), fire),
         })
     }
 }
@@ -111,10 +147,9 @@ pub(super) fn read_densities(
         if let DensityDescription::Vdb { file, .. } = &volume.density {
             begin_reading(observer, file);
         }
-        let (density, warning) =
-            WorldDensity::read(&volume.density).map_err(|problem| of(medium, problem))?;
+        let (density, said) = WorldDensity::read(&volume.density).map_err(|problem| of(medium, problem))?;
         let warned = |message| SceneWarning { location: medium.location.clone(), message };
-        warnings.extend(warning.map(warned));
+        warnings.extend(said.into_iter().map(warned));
         densities.push(Some(density));
     }
     Ok((densities, warnings))

@@ -41,11 +41,22 @@ fn in_render_space(
     density: WorldDensity,
     space: &RenderSpace,
 ) -> Result<Volume, BuildProblem> {
-    let coefficients = volume.coefficients;
+    let (coefficients, to_render) = (volume.coefficients, space.to_affine());
+    let (density, fire) = density.placed(to_render)?;
+    let fire = fire.map(|fire| fire.placed(to_render)).transpose()?;
+    let emission = match &fire {
+        // What absorbs glows (Kirchhoff).
+        Some((_, hottest)) => coefficients.absorption().as_dvec3() * *hottest,
+        None => coefficients.emission().as_dvec3(),
+    };
     let scaled = coefficients
-        .with_emission(coefficients.emission() * space.power as f32)?
+        .with_emission((emission * space.power).as_vec3())?
         .per_length((1.0 / space.scale) as f32)?;
-    Ok(Volume::new(scaled, volume.phase, density.placed(space.to_affine())?))
+    let volume = Volume::new(scaled, volume.phase, density);
+    Ok(match fire {
+        Some((glow, _)) => volume.glowing(glow),
+        None => volume,
+    })
 }
 
 /// Rank of each medium where bodies overlap: by the priority in the scene, then the smaller body before the larger one (ice

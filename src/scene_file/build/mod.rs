@@ -14,8 +14,9 @@ pub(super) use self::densities::NOISE_BYTES;
 use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
-    CameraDescription, EmissionDescription, FilmDescription, GeometryDescription, IlluminationDescription,
-    Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription, VolumeDescription,
+    CameraDescription, DensityDescription, EmissionDescription, FilmDescription, GeometryDescription,
+    IlluminationDescription, Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
+    VolumeDescription,
 };
 use super::gltf::{GltfError, is_gltf_file};
 use super::ies::IesError;
@@ -438,7 +439,10 @@ impl<'a> Builder<'a> {
 
     /// Warns about a scene without light. `flux` is the largest channel of the flux of all lights.
     fn warn_of_darkness(&mut self, flux: f64) {
-        let glows = |volume: &VolumeDescription| volume.coefficients.emission() != Rgb::ZERO;
+        let glows = |volume: &VolumeDescription| {
+            let is_fire = matches!(volume.density, DensityDescription::Vdb { fire: Some(_), .. });
+            is_fire || volume.coefficients.emission() != Rgb::ZERO
+        };
         let has_glow =
             self.description.media.iter().any(|medium| medium.value.volume.as_ref().is_some_and(glows));
         if flux > 0.0 || has_glow {

@@ -17,7 +17,7 @@ use std::sync::Arc;
 const SAME_INDEX: f64 = 1e-3;
 
 /// Properties of a medium, besides the index.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Filling {
     /// Absorption coefficient, 1/m; zero beside a volume.
     pub absorption: DVec3,
@@ -108,7 +108,7 @@ impl Building<'_> {
             _ if inside < 1.0 => (1.0, outside / inside),
             _ => (inside, outside),
         };
-        let [within, around] = look.fillings;
+        let [within, around] = look.fillings.clone();
         [self.medium(inside, within, look.bsdf), self.medium(outside, around, look.bsdf)]
     }
 

@@ -1,7 +1,6 @@
 //! What the importers of other renderers' scenes share: places and messages, spectra, pictures, and the way from their materials
 //! and shapes to a description.
 
-pub(crate) mod cie;
 pub(crate) mod error;
 pub(crate) mod facets;
 pub(crate) mod indices;

@@ -1,9 +1,9 @@
 //! Converts spectra to linear Rec. 709 colours, with the CIE observer of 1931.
 
-use super::cie::{FIRST, ROWS, STEP};
 use super::error::{Fault, Place, fail};
 use super::text::{number, shown, tokens};
 use crate::files::{read_regular, text_of};
+use crate::math::cie::{FIRST, ROWS, STEP, planck};
 use crate::textures::srgb_to_linear;
 use glam::{DMat3, DVec3};
 use std::path::Path;
@@ -161,16 +161,6 @@ impl Spectrum {
         let most = if is_light || meaning == Meaning::Number { f64::MAX } else { 1.0 };
         colour.clamp(DVec3::ZERO, DVec3::splat(most))
     }
-}
-
-/// Planck's law, W/(m^2 sr nm), for a wavelength in nm.
-fn planck(wavelength: f64, kelvin: f64) -> f64 {
-    const LIGHT: f64 = 2.997_924_58e8;
-    const PLANCK: f64 = 6.626_070_15e-34;
-    const BOLTZMANN: f64 = 1.380_649e-23;
-    let metres = wavelength * 1e-9;
-    let exponent = PLANCK * LIGHT / (metres * BOLTZMANN * kelvin);
-    2e-9 * PLANCK * LIGHT * LIGHT / (metres.powi(5) * exponent.exp_m1())
 }
 
 /// Samples of a spectrum between two rows of the tables.

@@ -121,7 +121,7 @@ impl Importer<'_> {
             self.report.note(object, "emits, and light that should pass it ends there");
         }
         let inside = inside.unwrap_or_default();
-        let mut finished = self.material(&bsdf, &surface, inside, glow.clone());
+        let mut finished = self.material(&bsdf, &surface, inside.clone(), glow.clone());
         let needs = finished.needs.with_bumps(surface.bump.is_some());
         let Placed { form, to_world, flip } = self.placed(object, needs)?;
         check_transform(object, &to_world)?;

@@ -2,7 +2,6 @@
 
 use super::shapes::read_point;
 use super::transform::{in_metres, transform_of};
-use crate::files::{ForeignFile, foreign_file};
 use crate::math::Bounds3;
 use crate::media::density::{HeightFog, NoiseField};
 use crate::scene_file::description::*;
@@ -122,7 +121,30 @@ fn read_vdb(table: &mut Table<'_>, unit: f64) -> Option<DensityDescription> {
     let file = table.required("file", "\"cloud.vdb\"", read_vdb_path);
     let grid = table.optional("grid", |value| Some(value.string()?.into_owned()));
     let transform = transform_of(table);
-    Some(DensityDescription::Vdb { file: file?, grid: grid?, transform: in_file(transform?, unit) })
+    let fire = read_fire(table);
+    Some(DensityDescription::Vdb {
+        file: file?,
+        grid: grid?,
+        transform: in_file(transform?, unit),
+        fire: fire?,
+    })
+}
+
+/// Reads `temperature`, `kelvin` and `glow`.
+fn read_fire(table: &mut Table<'_>) -> Option<Option<FireDescription>> {
+    let grid = table.optional("temperature", |value| Some(value.string()?.into_owned()));
+    let kelvin = table.optional("kelvin", |value| value.number(&POSITIVE));
+    let glow = table.optional("glow", |value| value.number(&FACTOR));
+    match (grid?, kelvin?, glow?) {
+        (Some(grid), kelvin, glow) => {
+            Some(Some(FireDescription { grid, kelvin: kelvin.unwrap_or(1.0), glow: glow.unwrap_or(1.0) }))
+        }
+        (None, None, None) => Some(None),
+        _ => table.refuse(
+            "`density` says how it glows, but not at which temperature",
+            "name the grid of the file, `temperature = \"temperature\"`, or leave `kelvin` and `glow` out",
+        ),
+    }
 }
 
 /// From coordinates that are in units of the file, under a `transform` of the file, to metres.
@@ -143,14 +165,6 @@ fn read_vdb_path(value: Value<'_>) -> Option<PathBuf> {
     if !path.is_file() {
         let message = format!("{shown} is a folder or not a regular file");
         context.error(&value.span(), message, "name an OpenVDB file (.vdb)");
-        return None;
-    }
-    if let Some(ForeignFile { what, remedy }) = foreign_file(&path) {
-        context.error(
-            &value.span(),
-            format!("{shown} is {what}, which holds no voxels that are read"),
-            remedy,
-        );
         return None;
     }
     Some(path)

@@ -3,6 +3,7 @@
 use super::density::{FACTOR, read_density, read_fills};
 use super::materials::{IOR, read_absorption};
 use super::names::Names;
+use crate::math::Rgb;
 use crate::media::{Coefficients, NAMED_MEDIA, NamedMedium, Phase};
 use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, POSITIVE, Table, Value};
@@ -150,6 +151,11 @@ fn read_volume(
         }
         return Some(None);
     }
+    let is_fire = matches!(density, DensityDescription::Vdb { fire: Some(_), .. });
+    if is_fire && emission.is_some() {
+        let message = format!("{} has both `emission` and a temperature", table.title());
+        return table.refuse(message, "keep `temperature`, with `glow` as its brightness, or `emission`");
+    }
     let per_metre = |value: DVec3| (value / unit).as_vec3();
     let coefficients = match (preset, albedo, free_path, visibility) {
         (Some(preset), ..) => preset.coefficients(),
@@ -173,6 +179,11 @@ fn read_volume(
         .and_then(|c| c.per_length(factor as f32))
         .and_then(|c| c.with_emission(emission.unwrap_or(DVec3::ZERO).as_vec3() * factor as f32));
     match (coefficients, phase) {
+        (Ok(coefficients), _) if is_fire && coefficients.absorption() == Rgb::ZERO => {
+            let message =
+                format!("{} has a temperature, but absorbs nothing: only what absorbs glows", table.title());
+            table.refuse(message, "add `absorption = 1.0`, or leave `temperature` out")
+        }
         (Ok(coefficients), Ok(phase)) => {
             Some(Some(VolumeDescription { coefficients, phase, density, fills }))
         }

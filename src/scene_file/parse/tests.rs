@@ -399,7 +399,21 @@ fn every_error_has_a_place_and_a_remedy() {
         (
             scene("[media.x]\nscattering = 1\ndensity = { type = \"vdb\", file = \"none.vdb\" }"),
             "3:34",
-            &["there is no file none.vdb", "relative"],
+            &["there is no file", "none.vdb", "relative"],
+        ),
+        (
+            scene(
+                "[media.x]\nabsorption = 1\ndensity = { type = \"vdb\", file = \"../Cargo.toml\", glow = 2 }",
+            ),
+            "3:11",
+            &["not at which temperature", "`glow` out"],
+        ),
+        (
+            scene(
+                "[media.x]\nscattering = 1\ndensity = { type = \"vdb\", file = \"../Cargo.toml\", temperature = \"t\" }",
+            ),
+            "1:1",
+            &["only what absorbs glows", "`absorption = 1.0`"],
         ),
         (
             scene("[media.x]\nscattering = 1\nfills = \"bounds\""),

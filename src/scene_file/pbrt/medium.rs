@@ -27,7 +27,7 @@ impl Importer<'_> {
             return Ok(Filling::default());
         }
         if let Some(known) = self.fillings.get(name) {
-            return Ok(*known);
+            return Ok(known.clone());
         }
         let Some(object) = self.media.get(name).map(Rc::clone) else {
             let mut names: Vec<&str> = self.media.keys().map(String::as_str).collect();
@@ -35,7 +35,7 @@ impl Importer<'_> {
             return fail(place, format!("there is no medium `{}`", shown(name)), suggestion(name, &names));
         };
         let filling = self.medium(&object)?;
-        self.fillings.insert(name.to_owned(), filling);
+        self.fillings.insert(name.to_owned(), filling.clone());
         Ok(filling)
     }
 
@@ -94,7 +94,7 @@ impl Importer<'_> {
         match phase {
             Ok(phase) => Ok(Filling {
                 absorption: DVec3::ZERO,
-                volume: Some(VolumeDescription { coefficients, phase }),
+                volume: Some(VolumeDescription::even(coefficients, phase)),
             }),
             Err(error) => refused(&error),
         }

@@ -178,7 +178,7 @@ impl Importer<'_> {
             self.report
                 .note(&**object, "the media at its sides are left out: light does not cross its surface");
         }
-        if is_crossed { fillings } else { [Filling::default(); 2] }
+        if is_crossed { fillings } else { Default::default() }
     }
 
     /// What a surface emits; `None` for a light that gives nothing.

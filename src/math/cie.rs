@@ -1,5 +1,7 @@
-//! The observer and the daylight for the conversion of spectra to colours: tables of the CIE, in steps of 5 nm. Less than a
+//! The observer and the daylight for the conversion of spectra to colours, tables of the CIE in steps of 5 nm, and black bodies. Less than a
 //! hundred-thousandth of the response lies beyond 780 nm.
+
+use glam::{DMat3, DVec3};
 
 /// Wavelength of the first row, nm.
 pub(crate) const FIRST: f64 = 360.0;
@@ -96,3 +98,51 @@ pub(crate) const ROWS: [[f64; 4]; 85] = [
     [5.870652e-05, 2.12e-05, 0.0, 65.0941],
     [4.150994e-05, 1.499e-05, 0.0, 63.3828],
 ];
+
+/// CIE XYZ to linear Rec. 709.
+const TO_RGB: DMat3 = DMat3::from_cols(
+    DVec3::new(3.240_970, -0.969_244, 0.055_630),
+    DVec3::new(-1.537_383, 1.875_968, -0.203_977),
+    DVec3::new(-0.498_611, 0.041_555, 1.056_972),
+);
+
+/// Planck's law, W/(m^2 sr nm), for a wavelength in nm.
+pub(crate) fn planck(wavelength: f64, kelvin: f64) -> f64 {
+    const LIGHT: f64 = 2.997_924_58e8;
+    const PLANCK: f64 = 6.626_070_15e-34;
+    const BOLTZMANN: f64 = 1.380_649e-23;
+    let metres = wavelength * 1e-9;
+    let exponent = PLANCK * LIGHT / (metres * BOLTZMANN * kelvin);
+    2e-9 * PLANCK * LIGHT * LIGHT / (metres.powi(5) * exponent.exp_m1())
+}
+
+/// Radiance of a black body as a linear colour, in units of 683 cd/m^2: its luminance is the integral of the spectral radiance with the
+/// observer, W/(m^2 sr). Colours that no screen shows (fire has less than no blue) are cut off at zero; so is what is below absolute zero.
+pub(crate) fn black_body(kelvin: f64) -> DVec3 {
+    let row = |(row, [x, y, z, _]): (usize, &[f64; 4])| {
+        DVec3::new(*x, *y, *z) * planck(FIRST + STEP * row as f64, kelvin.max(0.0)) * STEP
+    };
+    (TO_RGB * ROWS.iter().enumerate().map(row).sum::<DVec3>()).max(DVec3::ZERO)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn black_bodies_are_as_bright_as_was_measured() {
+        let luminance = |kelvin| 683.0 * DVec3::new(0.2126, 0.7152, 0.0722).dot(black_body(kelvin));
+        // Platinum as it freezes, by which the candela was defined until 1979: 60 cd/cm^2. What is cut off of its blue adds some.
+        assert!((luminance(2041.4) / 6e5 - 1.0).abs() < 0.02, "{}", luminance(2041.4));
+        // The sun outside of the air.
+        assert!((1.6e9..2.1e9).contains(&luminance(5778.0)), "{}", luminance(5778.0));
+        let white = black_body(6500.0);
+        assert!((white / white.y - 1.0).abs().max_element() < 0.1, "{white}");
+        let fire = black_body(1500.0);
+        assert!(fire.x > 2.0 * fire.y && fire.z == 0.0 && fire.y > 0.0, "{fire}");
+        for cold in [0.0, -5.0, 1e-300, f64::NAN] {
+            assert_eq!(black_body(cold), DVec3::ZERO);
+        }
+        assert!(black_body(1e9).is_finite());
+    }
+}
