@@ -29,8 +29,8 @@ const CHANGE: f64 = 0.3;
 pub(super) enum WorldDensity {
     Even,
     Height(HeightFog),
-    Field(BoundedField),
-    Grid(Grid, Option<WorldFire>),
+    Field(Box<BoundedField>),
+    Grid(Box<Grid>, Option<Box<WorldFire>>),
 }
 
 /// Temperatures in the world.
@@ -79,7 +79,7 @@ impl WorldDensity {
                 let fog = HeightFog::new(up, base, scale).map_err(DensityError::from)?;
                 Ok((Self::Height(fog), Vec::new()))
             }
-            DensityDescription::Noise(noise) => Ok((Self::Field(field_of(noise)?), Vec::new())),
+            DensityDescription::Noise(noise) => Ok((Self::Field(Box::new(field_of(noise)?)), Vec::new())),
             DensityDescription::Vdb { file, grid, transform, fire } => {
                 let (density, first) = read_grid(file, grid.as_deref(), transform)?;
                 let mut said: Vec<String> = first.into_iter().collect();
@@ -91,7 +91,7 @@ impl WorldDensity {
                         Some(WorldFire { temperature, kelvin: *kelvin, glow: *glow })
                     }
                 };
-                Ok((Self::Grid(density, fire), said))
+                Ok((Self::Grid(Box::new(density), fire.map(Box::new)), said))
             }
         }
     }
@@ -106,7 +106,7 @@ impl WorldDensity {
     }
 
     /// The same in another space, to which `by` leads.
-    pub(super) fn placed(self, by: DAffine3) -> Result<(Density, Option<WorldFire>), DensityError> {
+    pub(super) fn placed(self, by: DAffine3) -> Result<(Density, Option<Box<WorldFire>>), DensityError> {
         Ok(match self {
             Self::Even => (Density::Homogeneous, None),
             Self::Height(fog) => (Density::Height(fog.placed(&by)?), None),

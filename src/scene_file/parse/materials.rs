@@ -119,7 +119,8 @@ fn read_material(
             inside.zip(outside.zip(roughness)).map(|(inside, (outside, roughness))| {
                 let inside = match inside {
                     Inside::Named(index) => index,
-                    Inside::Anonymous(value) => {
+                    Inside::Anonymous(ior, absorption) => {
+                        let value = MediumDescription { ior, absorption, priority: 0, volume: None };
                         let name = format!("inside of {name}");
                         media.push(Named { name, location: location.clone(), value });
                         media.len() - 1
@@ -140,8 +141,8 @@ fn read_material(
 enum Inside {
     /// Index into [`SceneDescription::media`].
     Named(usize),
-    /// Defined at the material itself.
-    Anonymous(MediumDescription),
+    /// Defined at the material itself: index of refraction and absorption.
+    Anonymous(f64, DVec3),
 }
 
 /// Reads `inside = "NAME"`, or the short form `ior = ...` with an optional `absorption = ...`.
@@ -160,12 +161,7 @@ fn read_inside(table: &mut Table<'_>, media_names: &Names, unit: f64) -> Option<
         (None, Some(ior), _) => {
             let absorption = read_absorption(table, unit);
             let ior = ior.number(&IOR);
-            Some(Inside::Anonymous(MediumDescription {
-                ior: ior?,
-                absorption: absorption?,
-                priority: 0,
-                volume: None,
-            }))
+            Some(Inside::Anonymous(ior?, absorption?))
         }
         (None, None, _) => table.refuse(
             format!("{} does not say what is inside", table.title()),
