@@ -2,6 +2,7 @@
 //! similar objects.
 
 use super::error::Place;
+use super::text::shown;
 use crate::scene_file::description::SceneWarning;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -14,6 +15,22 @@ pub(crate) trait Subject {
     fn label(&self) -> String;
     /// Base of the names of shapes and materials.
     fn name(&self) -> String;
+}
+
+/// The label of an object: its element or directive, its type, and its id.
+pub(crate) fn label_of(what: &str, kind: &str, id: Option<&String>) -> String {
+    match id {
+        Some(id) => format!("{what} `{}` (`{}`)", shown(kind), shown(id)),
+        None => format!("{what} `{}`", shown(kind)),
+    }
+}
+
+/// The name of an object: its id, or its type and its line.
+pub(crate) fn name_of(kind: &str, id: Option<&String>, place: &Place) -> String {
+    match id {
+        Some(id) => shown(id),
+        None => format!("{} in line {}", shown(kind), place.location.line),
+    }
 }
 
 impl<T: Subject> Subject for Rc<T> {
@@ -74,6 +91,15 @@ impl Report {
     /// Reports that a property of an object is missing from the picture.
     pub(crate) fn warn(&mut self, object: &dyn Subject, what: impl Into<String>) {
         self.add(Kind::LeftOut, object.place(), Some(&object.label()), what.into());
+    }
+
+    /// Reports that the parameters `found` of an object have no effect here.
+    pub(crate) fn ignored(&mut self, object: &dyn Subject, found: &[&str], why: &str) {
+        let names: Vec<String> = found.iter().map(|name| format!("`{name}`")).collect();
+        if !names.is_empty() {
+            let verb = if names.len() == 1 { "has" } else { "have" };
+            self.note(object, format!("{} {verb} no effect: {why}", names.join(", ")));
+        }
     }
 
     /// Reports an approximation at a place of the file.

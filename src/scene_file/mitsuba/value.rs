@@ -1,7 +1,7 @@
 //! Objects with their parameters, in the form that plugins use.
 
 use super::error::{Fault, Place, fail};
-use super::report::Subject;
+use super::report::{Subject, label_of, name_of};
 use super::spectrum::Spectrum;
 use super::text::shown;
 use crate::scene_file::diagnostic::nearest;
@@ -100,17 +100,11 @@ impl Subject for Object {
     }
 
     fn label(&self) -> String {
-        match &self.id {
-            Some(id) => format!("{} `{}` (`{}`)", self.tag, shown(&self.plugin), shown(id)),
-            None => format!("{} `{}`", self.tag, shown(&self.plugin)),
-        }
+        label_of(&self.tag, &self.plugin, self.id.as_ref())
     }
 
     fn name(&self) -> String {
-        match &self.id {
-            Some(id) => shown(id),
-            None => format!("{} in line {}", shown(&self.plugin), self.place.location.line),
-        }
+        name_of(&self.plugin, self.id.as_ref(), &self.place)
     }
 }
 

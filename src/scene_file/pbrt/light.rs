@@ -159,6 +159,18 @@ impl Importer<'_> {
         })
     }
 
+    /// The orthonormal axes of a light, possibly mirrored.
+    fn axes(&mut self, object: &Object, ctm: &DAffine3) -> Result<DMat3, Fault> {
+        let Some((axes, differs)) = axes_of(ctm.matrix3) else {
+            let remedy = "give it a scale that is not zero";
+            return fail(&object.place, "the transform of the light flattens everything", remedy);
+        };
+        if differs {
+            self.report.note(object, "its transform is taken for the nearest rotation");
+        }
+        Ok(axes)
+    }
+
     fn infinite(&mut self, object: &Rc<Object>, ctm: &DAffine3) -> Result<LightDescription, Fault> {
         let scale = self.light_scale(object)?;
         let lux = self.positive(object, "illuminance")?;
@@ -197,16 +209,7 @@ impl Importer<'_> {
             (Some(lux), EnvironmentLayout::EqualArea) => lux / self.illuminance(object, &image)?,
             _ => 1.0,
         };
-        let Some((axes, differs)) = axes_of(ctm.matrix3) else {
-            return fail(
-                &object.place,
-                "the transform flattens everything",
-                "give it a scale that is not zero",
-            );
-        };
-        if differs {
-            self.report.note(&**object, "its transform is taken for the nearest rotation");
-        }
+        let axes = self.axes(object, ctm)?;
         // The picture of pbrt-v3 has z up and begins at +x, towards +y; here y is up and it begins at +z, towards -x.
         let upright = DMat3::from_cols(DVec3::NEG_Y, DVec3::Z, DVec3::X);
         let axes = match layout {
@@ -248,7 +251,9 @@ impl Importer<'_> {
             .sum();
         let illuminance = 4.0 * PI * sum / (side * side) as f64;
         if illuminance > 0.0 && illuminance.is_finite() {
-            // Pbrt adds up half of the directions with the solid angle of a hemisphere, which is half of this.
+            // Pbrt takes the solid angle of a texel for half of what it is.
+            self.report
+                .note(object, "`illuminance` of a picture counts as in pbrt, where it gives twice as much");
             return Ok(0.5 * illuminance);
         }
         fail(
@@ -271,16 +276,7 @@ impl Importer<'_> {
         let power = self.positive(object, "power")?;
         let file = self.named_file(object, name)?;
         self.finish(object, &["I", "scale", "power", "filename"])?;
-        let Some((axes, differs)) = axes_of(ctm.matrix3) else {
-            return fail(
-                &object.place,
-                "the transform flattens everything",
-                "give it a scale that is not zero",
-            );
-        };
-        if differs {
-            self.report.note(&**object, "its transform is taken for the nearest rotation");
-        }
+        let axes = self.axes(object, ctm)?;
         Ok(LightDescription::Profile {
             file,
             layout: ProfileLayout::EqualArea { is_mirrored: axes.determinant() < 0.0 },

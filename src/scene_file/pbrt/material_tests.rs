@@ -183,6 +183,14 @@ fn pictures_run_upwards() {
     ));
     let value = rough.metallic_roughness.unwrap().at([Vec2::new(0.5, 0.25); 2], 0.0).y;
     assert!((value - 0.5).abs() < 1e-3, "{value}");
+    // Without coordinates each triangle has its own.
+    let bare = scene(&format!(
+        "{} Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"trianglemesh\"
+        \"point3 P\" [0 0 0 1 0 0 0 1 0 1 1 0] \"integer indices\" [0 1 2 2 1 3]",
+        image("t", "")
+    ));
+    let GeometryDescription::Gltf { mesh, data } = &bare.shapes[0].value.geometry else { panic!() };
+    assert_eq!((mesh.positions.len(), data.uvs[0].len(), data.uvs[0][4]), (6, 6, Vec2::X));
     let masked = scene(&format!(
         "Texture \"m\" \"float\" \"imagemap\" \"string filename\" \"{}\" Shape \"sphere\" \"texture alpha\" \"m\"",
         picture.display()

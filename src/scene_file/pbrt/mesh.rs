@@ -192,6 +192,21 @@ pub(super) fn areas(mesh: &TriangleMesh, to_world: &DAffine3) -> Vec<f64> {
     mesh.triangles.iter().map(area).collect()
 }
 
+/// A mesh without coordinates with those that pbrt gives each of its triangles: (0, 0), (1, 0) and (1, 1).
+pub(super) fn with_coordinates(mesh: TriangleMesh) -> TriangleMesh {
+    if mesh.uvs.is_some() {
+        return mesh;
+    }
+    let corners = || mesh.triangles.iter().flatten();
+    let count = mesh.triangles.len();
+    TriangleMesh {
+        positions: Positions::Double(corners().map(|i| mesh.positions.get(*i).to_array()).collect()),
+        normals: mesh.normals.as_ref().map(|normals| corners().map(|i| normals[*i as usize]).collect()),
+        uvs: Some([Vec2::ZERO, Vec2::X, Vec2::ONE].repeat(count)),
+        triangles: (0..count as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+    }
+}
+
 /// One triangle of a mesh as a mesh.
 pub(super) fn one_triangle(mesh: &TriangleMesh, triangle: [u32; 3]) -> TriangleMesh {
     let positions = mesh.positions.corners(triangle).map(|corner| corner.to_array()).to_vec();

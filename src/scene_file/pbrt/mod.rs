@@ -311,12 +311,8 @@ impl<'a> Importer<'a> {
 
     /// Reports those of the named parameters that an object has, because they have no effect here.
     fn ignore(&mut self, object: &Object, names: &[&str], why: &str) {
-        let found: Vec<String> =
-            names.iter().filter(|name| object.get(name).is_some()).map(|name| format!("`{name}`")).collect();
-        if !found.is_empty() {
-            let verb = if found.len() == 1 { "has" } else { "have" };
-            self.report.note(object, format!("{} {verb} no effect: {why}", found.join(", ")));
-        }
+        let found: Vec<&str> = names.iter().copied().filter(|name| object.get(name).is_some()).collect();
+        self.report.ignored(object, &found, why);
     }
 
     /// Reports every parameter of an object that was not asked for; refuses a misspelling of one of the `known` names.

@@ -1,7 +1,7 @@
 //! Directives with their parameters.
 
 use super::error::{Fault, Place, fail};
-use super::report::Subject;
+use super::report::{Subject, label_of, name_of};
 use super::text::shown;
 use crate::scene_file::diagnostic::nearest;
 use glam::{DMat3, DVec3};
@@ -118,17 +118,11 @@ impl Subject for Object {
     }
 
     fn label(&self) -> String {
-        match &self.id {
-            Some(id) => format!("{} `{}` (`{}`)", self.directive, shown(&self.kind), shown(id)),
-            None => format!("{} `{}`", self.directive, shown(&self.kind)),
-        }
+        label_of(self.directive, &self.kind, self.id.as_ref())
     }
 
     fn name(&self) -> String {
-        match &self.id {
-            Some(id) => shown(id),
-            None => format!("{} in line {}", shown(&self.kind), self.place.location.line),
-        }
+        name_of(&self.kind, self.id.as_ref(), &self.place)
     }
 }
 

@@ -4,7 +4,7 @@ use super::Importer;
 use super::error::{Fault, fail};
 use super::import::material::{Filling, Look};
 use super::import::shape::{Form, MOST_SHAPES, foresee, is_distorted, mesh};
-use super::mesh::{areas, bilinear, inline, one_triangle, unpacked_mesh};
+use super::mesh::{areas, bilinear, inline, one_triangle, unpacked_mesh, with_coordinates};
 use super::object::Object;
 use super::paint::{Amount, Paint, Use, luminance};
 use super::quadric::Quadric;
@@ -270,6 +270,7 @@ impl Importer<'_> {
         loaded: bool,
     ) -> Result<Form, Fault> {
         let form = match object.kind.as_str() {
+            "trianglemesh" if detailed => mesh(with_coordinates(inline(object)?)),
             "trianglemesh" => mesh(inline(object)?),
             "bilinearmesh" => {
                 let (patches, is_flat) = bilinear(object, |vertices| self.foresee_mesh(object, vertices))?;
@@ -282,7 +283,7 @@ impl Importer<'_> {
                 }
                 mesh(patches)
             }
-            "plymesh" => return self.ply(object, detailed || loaded),
+            "plymesh" => return self.ply(object, detailed, loaded),
             "sphere" | "cylinder" | "disk" => {
                 let quadric = Quadric::read(object)?;
                 match quadric.exact().filter(|_| !detailed) {
@@ -324,7 +325,7 @@ impl Importer<'_> {
         Ok(form)
     }
 
-    fn ply(&mut self, object: &Rc<Object>, loaded: bool) -> Result<Form, Fault> {
+    fn ply(&mut self, object: &Rc<Object>, detailed: bool, loaded: bool) -> Result<Form, Fault> {
         let path = self.named_file(object, "filename")?;
         if object.has("displacement") || object.has("edgelength") {
             object.get("displacement");
@@ -335,7 +336,7 @@ impl Importer<'_> {
         self.finish(object, &["filename", "alpha"])?;
         let ends_in =
             |ending: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(ending));
-        if !loaded && ends_in("ply") {
+        if !detailed && !loaded && ends_in("ply") {
             let has_normals = mesh_size(&path, MeshNormals::FromFile).is_ok_and(|size| size.has_normals);
             // Normals determine the front side; without them it is flat.
             let normals = if has_normals { MeshNormals::Leading } else { MeshNormals::Flat };
@@ -358,7 +359,7 @@ impl Importer<'_> {
                 if read.normals.is_some() {
                     read.follow_normals();
                 }
-                Ok(mesh(read))
+                Ok(mesh(if detailed { with_coordinates(read) } else { read }))
             }
             Err(error) => told(&error),
         }

@@ -126,6 +126,7 @@ impl Importer<'_> {
         let range = 0.0..=1e12;
         let mut factor = object.within("iso", 100.0, range.clone())? / 100.0;
         factor *= object.within("imagingratio", 1.0, range.clone())?;
+        factor *= object.within("exposuretime", 1.0, range.clone())?;
         factor *= object.within("scale", 1.0, range)?;
         self.sensor_scale = factor;
         if let Some(sensor) = object.text("sensor")?.filter(|sensor| *sensor != "cie1931") {
