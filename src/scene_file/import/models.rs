@@ -62,20 +62,22 @@ pub(crate) fn under_a_coat(colour: DVec3, ior: f64) -> DVec3 {
     colour.map(|c| c * (1.0 - back) / (1.0 - c * back))
 }
 
-/// Facets of a dielectric over a diffuse base.
-pub(crate) fn plastic(
-    ior: f64,
-    diffuse: Paint,
-    specular: DVec3,
-    slope: Amount,
-    distribution: Distribution,
-) -> LayeredMaterial {
-    let mean_slope = match &slope {
+/// The factor on the diffuse base under facets of a dielectric with this slope ([`super::facets`]).
+pub(crate) fn base_factor(distribution: Distribution, slope: &Amount, ior: f64) -> f64 {
+    diffuse_factor(distribution, mean_slope(slope), ior)
+}
+
+/// The slope of facets; where it varies, the square of the mean root.
+pub(crate) fn mean_slope(slope: &Amount) -> f64 {
+    match slope {
         Amount::Plain(slope) => *slope,
         // Stored as square roots.
         Amount::Picture(slot) => f64::from(slot.texture.mean().y).powi(2),
-    };
-    let diffuse = diffuse.times(DVec3::splat(diffuse_factor(distribution, mean_slope, ior)));
+    }
+}
+
+/// Facets of a dielectric over a diffuse base.
+pub(crate) fn plastic(ior: f64, diffuse: &Paint, specular: DVec3, slope: Amount) -> LayeredMaterial {
     // Colours above one make facets that reflect more than their index says.
     let whole = specular.max_element().clamp(1e-6, 1.0);
     let factors = LayeredParameters {

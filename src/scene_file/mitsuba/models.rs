@@ -3,7 +3,7 @@
 use super::Importer;
 use super::error::{Fault, fail};
 use super::facets::Distribution;
-use super::import::models::{glass, plastic, thin_sheet, tinted_metal, under_a_coat};
+use super::import::models::{base_factor, glass, plastic, thin_sheet, tinted_metal, under_a_coat};
 use super::indices::{self, MEDIA};
 use super::paint::{Amount, Paint, Use};
 use super::spectrum::Meaning;
@@ -213,7 +213,8 @@ impl Importer<'_> {
             _ => Distribution::Beckmann,
         };
         self.report.note(object, "reflects by Schlick's approximation of Fresnel's formula");
-        let material = plastic(ior, diffuse, specular, slope, distribution);
+        let diffuse = diffuse.times(DVec3::splat(base_factor(distribution, &slope, ior)));
+        let material = plastic(ior, &diffuse, specular, slope);
         Ok(Base::Layered(material).into())
     }
 }

@@ -3,7 +3,9 @@
 use super::Importer;
 use super::error::{Fault, fail};
 use super::facets::Distribution;
-use super::models::{glass, internal_reflectance, plastic, set_roughness, thin_sheet, tinted_metal};
+use super::models::{
+    base_factor, glass, internal_reflectance, mean_slope, plastic, set_roughness, thin_sheet, tinted_metal,
+};
 use super::object::{Object, Values};
 use super::paint::{Amount, Paint, Use};
 use super::report::Subject;
@@ -216,7 +218,16 @@ impl Importer<'_> {
         // Light that the coat reflects back to the base is coloured each time.
         let back = internal_reflectance(eta);
         let base = mapped(&paint, |colour| colour.map(|c| c * (1.0 - back) / (1.0 - c * back)));
-        Ok(Base::Layered(plastic(eta, base, DVec3::ONE, slope, Distribution::Ggx)))
+        Ok(self.coated(eta, base, DVec3::ONE, slope))
+    }
+
+    /// Facets of a dielectric over a diffuse base.
+    pub(super) fn coated(&mut self, ior: f64, diffuse: Paint, specular: DVec3, slope: Amount) -> Base {
+        // The factor of a slope and an index is an integral over directions, and scenes have many alike.
+        let key = [mean_slope(&slope), ior].map(f64::to_bits);
+        let compute = || base_factor(Distribution::Ggx, &slope, ior);
+        let factor = *self.base_factors.entry(key).or_insert_with(compute);
+        Base::Layered(plastic(ior, &diffuse.times(DVec3::splat(factor)), specular, slope))
     }
 
     /// Reads what lies between two layers.

@@ -152,6 +152,8 @@ struct Importer<'a> {
     waiting: Vec<(Rc<Object>, State, Option<usize>)>,
     surfaces: HashMap<usize, Surface>,
     paints: HashMap<usize, Paint>,
+    /// Factors on the bases of coats, by the bits of slope and index.
+    base_factors: HashMap<[u64; 2], f64>,
     fillings: HashMap<String, Filling>,
     /// By material and the names of the media at both sides.
     finished: HashMap<(usize, String, String), Finished>,
@@ -210,6 +212,7 @@ impl<'a> Importer<'a> {
             waiting: Vec::new(),
             surfaces: HashMap::new(),
             paints: HashMap::new(),
+            base_factors: HashMap::new(),
             fillings: HashMap::new(),
             finished: HashMap::new(),
             pictures: Pictures::default(),

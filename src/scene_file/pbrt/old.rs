@@ -2,9 +2,8 @@
 
 use super::Importer;
 use super::error::{Fault, fail};
-use super::facets::Distribution;
 use super::material::MetalKind;
-use super::models::{glass, plastic};
+use super::models::glass;
 use super::object::Object;
 use super::paint::{Amount, Paint, Use, luminance};
 use super::spectrum::Meaning;
@@ -53,9 +52,9 @@ impl Importer<'_> {
                 self.report.note(&**object, "is taken for facets of a dielectric over a diffuse base");
                 if object.kind == "substrate" {
                     // Ks is the reflectance along the normal: that of the index 1.5 is 0.04.
-                    Base::Layered(plastic(1.5, paint, shine / 0.04, slope, Distribution::Ggx))
+                    self.coated(1.5, paint, shine / 0.04, slope)
                 } else {
-                    Base::Layered(plastic(1.5, paint, shine, slope, Distribution::Ggx))
+                    self.coated(1.5, paint, shine, slope)
                 }
             }
             "uber" => return self.uber(object),
@@ -102,7 +101,7 @@ impl Importer<'_> {
         } else {
             self.report.note(&**object, "is taken for facets of a dielectric over a diffuse base");
         }
-        let base = Base::Layered(plastic(index, paint, shine, slope, Distribution::Ggx));
+        let base = self.coated(index, paint, shine, slope);
         let surface = self.modified(object, base)?;
         let is_whole = opacity == Amount::Plain(1.0);
         Ok(Surface { opacity: (!is_whole).then_some(opacity), ..surface })
