@@ -241,6 +241,28 @@ fn messages_say_what_is_wrong_once() {
     assert!(stdout(&output).contains("\"caustic-reuse\": 0.2,"), "{}", stdout(&output));
 }
 
+/// What a medium is: its density, its mean free path in metres, its optical depth through the middle of its body, and what it takes.
+#[test]
+fn info_tells_of_media() {
+    let folder = folder();
+    let text = "unit = \"cm\"\n[media.air2]\nabsorption = [0.5, 0.25, 0.25]\nfills = \"bounds\"\n[media.air2.density]\n\
+                type = \"noise\"\nmin = [0, 0, 0]\nmax = [8, 4, 2]\nsize = 9\nlow = -4\nhigh = -3\nfactor = 2\n\
+                [media.tea]\nior = 1.33\nabsorption = 0.01\n[media.fog]\nvisibility = 100\ng = 0.5\n\
+                density = { type = \"height\", base = 1e6, scale-height = 1 }\n[materials.fog]\ntype = \"dielectric\"\n\
+                inside = \"fog\"\n[[shapes]]\ntype = \"sphere\"\nradius = 50\nmaterial = \"fog\"\n";
+    fs::write(folder.path().join("media.toml"), text).unwrap();
+    let told = stdout(&run(&folder, &["info", "media.toml"]));
+    for part in [
+        "air2: noise, up to 1, mean free path 0.01 0.02 0.02 m, optical depth 8 4 2 through its middle along x, y, z, 0.",
+        "tea: clear, index 1.33, mean free path 1 m\n",
+        "fog: falls with height, mean free path 0.2556 m, optical depth 3.912 3.912 3.912 through",
+    ] {
+        assert!(told.contains(part), "no `{part}` in {told}");
+    }
+    let told = stdout(&run(&folder, &["info", "media.toml", "--json"]));
+    assert!(told.contains("\"optical_depth\": [") && told.contains("\"voxels\": null"), "{told}");
+}
+
 /// A window of a picture knows its place: viewers show it there, and it is compared with that part of the whole.
 #[test]
 fn a_window_has_its_place_in_the_whole_picture() {
