@@ -35,6 +35,7 @@ impl SettingsArgs {
         let asked = Overrides {
             global_photons: self.asked.global_photons.or(self.photons),
             caustic_photons,
+            volume_beams: if self.no_caustics { Some(0) } else { self.asked.volume_beams },
             ..self.asked.clone()
         };
         asked.over(scene.clone())

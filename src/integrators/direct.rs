@@ -100,12 +100,13 @@ impl<'a> DirectLighting<'a> {
 
     /// Radiance of direct light that a stretch of a path scatters, at the start of the stretch and divided by its weight. One point and
     /// one shadow ray are sampled for each light. Points are sampled near the light and where the path is likely to collide (Kulla &
-    /// Fajardo 2012), and weighted against collisions of the path followed by a direction of the phase function. `throughput` is that of
+    /// Fajardo 2012), and weighted against collisions of the path followed by a direction of the phase function where the path continues so
+    /// (`phase_sampling`). `throughput` is that of
     /// the path at the start of the stretch.
     pub fn scattered(
         &self,
         stretch: &Stretch<'_>,
-        throughput: Rgb,
+        (throughput, phase_sampling): (Rgb, bool),
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Rgb {
@@ -119,7 +120,7 @@ impl<'a> DirectLighting<'a> {
             let u_light = samples.next_2d();
             let Some(distances) = stretch.distances(self.anchor(light), throughput) else { continue };
             let at = distances.sample(way.into(), u.into());
-            sum += self.scattered_at(stretch, at, (light, 1.0, u_light), scratch);
+            sum += self.scattered_at(stretch, (at, phase_sampling), (light, 1.0, u_light), scratch);
         }
         for group in choice.groups() {
             let [way, u] = samples.next_2d().to_array();
@@ -128,7 +129,7 @@ impl<'a> DirectLighting<'a> {
             let at = distances.sample(way.into(), u.into());
             let from = in_medium(stretch.line.at(at.t).as_vec3());
             let Some((light, probability)) = group.sample(&from, choices) else { continue };
-            sum += self.scattered_at(stretch, at, (light, probability, u_light), scratch);
+            sum += self.scattered_at(stretch, (at, phase_sampling), (light, probability, u_light), scratch);
         }
         sum
     }
@@ -137,7 +138,7 @@ impl<'a> DirectLighting<'a> {
     fn scattered_at(
         &self,
         stretch: &Stretch<'_>,
-        at: PlaceSample,
+        (at, phase_sampling): (PlaceSample, bool),
         (index, probability, u): (LightId, f32, Vec2),
         scratch: &mut Scratch,
     ) -> Rgb {
@@ -160,7 +161,7 @@ impl<'a> DirectLighting<'a> {
         };
         let volume = stretch.volume;
         let left = volume.transmittance(&stretch.line, at.t, &mut { stretch.rng });
-        let weight = if light.is_delta() {
+        let weight = if light.is_delta() || !phase_sampling {
             1.0
         } else {
             let other = (at.collides / at.pdf) as f32 * phase;
@@ -168,6 +169,51 @@ impl<'a> DirectLighting<'a> {
         };
         let scattering = volume.coefficients().scattering() * (volume.density().at(place) / at.pdf) as f32;
         sample.radiance_over_pdf * arriving * left * scattering * (phase * weight / probability)
+    }
+
+    /// Radiance of direct light that a medium scatters at a collision towards `wo`, over the weight of the collision. One shadow ray is
+    /// sampled for each light or group of lights, weighted against directions of the phase function if the path continues in one.
+    pub fn at_collision(
+        &self,
+        collision: &Collision<'_>,
+        (wo, phase_sampling): (Vec3, bool),
+        samples: &mut SampleStream,
+        scratch: &mut Scratch,
+    ) -> Rgb {
+        let mut sum = Rgb::ZERO;
+        if self.scene.light_power().is_none() {
+            return sum;
+        }
+        let from = in_medium(collision.position);
+        let mut add = |light: LightId, probability: f32, u: Vec2| {
+            let Some(sample) = self.scene.lights()[light as usize].sample_li(from, u) else { return };
+            let phase = collision.phase.eval(wo, sample.wi);
+            scratch.counters.shadow_rays += 1;
+            let ray = match sample.target {
+                Some(target) => Ray::segment(from.position, target),
+                None => Ray::new(from.position, sample.wi),
+            };
+            if let Some(arriving) = transmittance_in_media(self.scene, &ray, collision.stretch.medium) {
+                let is_alone = self.scene.lights()[light as usize].is_delta() || !phase_sampling;
+                let weight = if is_alone {
+                    1.0
+                } else {
+                    power_heuristic(sample.pdf_solid_angle * probability, phase)
+                };
+                sum += sample.radiance_over_pdf * arriving * (phase * weight / probability);
+            }
+        };
+        let choice = self.scene.light_choice();
+        for &light in choice.each() {
+            add(light, 1.0, samples.next_2d());
+        }
+        for group in choice.groups() {
+            let (choices, u) = (refined(samples.next_2d()), samples.next_2d());
+            if let Some((light, probability)) = group.sample(&from, choices) {
+                add(light, probability, u);
+            }
+        }
+        sum
     }
 
     /// Factor on the phase function's density at a collision, which makes it comparable with the samples of the light `id` by

@@ -133,6 +133,8 @@ pub struct Counters {
     pub caustic_shared: u64,
     /// Caustic evaluations that read a precomputed point nearby.
     pub caustic_nearby: u64,
+    /// Estimates from photons in media, along rays and at collisions of gather rays.
+    pub media_lookups: u64,
     /// Lookups in illumination maps.
     pub illumination_lookups: u64,
     /// Gather rays for which no photon with a matching normal was near.
@@ -194,6 +196,7 @@ impl AddAssign for Counters {
         self.caustic_lookups += other.caustic_lookups;
         self.caustic_shared += other.caustic_shared;
         self.caustic_nearby += other.caustic_nearby;
+        self.media_lookups += other.media_lookups;
         self.illumination_lookups += other.illumination_lookups;
         self.empty_lookups += other.empty_lookups;
         self.guided += other.guided;

@@ -140,6 +140,16 @@ impl Phase {
         }
     }
 
+    /// Largest value, per steradian.
+    pub fn peak(self) -> f32 {
+        match self {
+            Self::Isotropic => UNIFORM,
+            Self::HenyeyGreenstein(lobe) => lobe.value(0.0),
+            Self::Rayleigh => 1.5 * UNIFORM,
+            Self::TwoLobes { .. } => self.eval(Vec3::Z, -Vec3::Z).max(self.eval(Vec3::Z, Vec3::Z)),
+        }
+    }
+
     /// Density per steradian with which [`Self::sample`] draws `wi`: the phase function itself.
     pub fn pdf(self, wo: Vec3, wi: Vec3) -> f32 {
         self.eval(wo, wi)

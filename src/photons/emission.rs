@@ -76,6 +76,12 @@ impl<'a> Goals<'a> {
         Self { scene, kind, shared }
     }
 
+    /// The `targets` alone, for all lights.
+    pub(super) fn towards(scene: &'a Scene, targets: &[Target]) -> Self {
+        let most = (MOST_PAIRS / scene.lights().len().max(1)).clamp(FEW_TARGETS, MOST_TARGETS);
+        Self { scene, kind: MapKind::Caustic, shared: Some(clustered(targets, most)) }
+    }
+
     /// Targets of light `index`: a limited number of spheres and boxes around all objects. A flat light does not see
     /// itself.
     fn targets_of(&self, index: usize) -> Cow<'_, [Target]> {

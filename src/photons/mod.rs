@@ -25,6 +25,7 @@ mod shadow;
 mod shadow_decision;
 mod sources;
 mod trace;
+mod volume;
 
 pub use crate::settings::{Estimator, Kernel, SearchRegion};
 pub use domain::{FEELERS, KernelDomain, Seen, Sight};
@@ -41,10 +42,11 @@ pub use irradiance::{DirectLight, IrradianceMap, PointIrradiance};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use pass::{
     CausticSurvey, PhotonsFor, TracedPhotons, record_photon_rays, survey_caustics, trace_photons,
-    trace_photons_alone, trace_photons_for,
+    trace_photons_alone, trace_media_photons, trace_photons_for,
 };
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
 pub use projection_picture::{ProjectionPicture, projection_picture};
 pub use shadow::{ShadowMaps, ShadowTally, TracedShadows, build_shadow_maps, trace_shadow_photons};
 pub use shadow_decision::{CONFIDENCE, LARGEST_UNSEEN_SHARE, ShadowDecision};
 pub use trace::{PhotonTally, TraceSettings};
+pub use volume::{MediaLight, MediaMaps, MediaSizes, Reading};

@@ -2,13 +2,15 @@
 //! is stopped.
 
 use super::Photon;
-use super::emission::Emitter;
+use super::emission::{Emitter, Goals};
 use super::sources::Sources;
-use super::trace::{Batch, PhotonTally, TraceSettings, Traced};
+use super::trace::{Batch, PhotonTally, Starts, TraceSettings, Traced};
+use super::volume::{MediaMaps, MediaRecords};
 use crate::lights::LightId;
 use crate::math::Ray;
+use crate::media::MediumId;
 use crate::sampling::{Rng, Stream};
-use crate::scene::{MapKind, Scene};
+use crate::scene::{MapKind, Scene, Surface, Target};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -19,6 +21,8 @@ pub struct TracedPhotons {
     pub photons: Vec<Photon>,
     /// By photon: index of the surface that it is stored at. Empty where no surface has an illumination map.
     pub surfaces: Vec<u32>,
+    /// Photons in media, where those were asked for.
+    pub(super) media: MediaRecords,
     /// Photons emitted by all lights together.
     pub emitted: u64,
     /// By light.
@@ -32,6 +36,13 @@ pub struct TracedPhotons {
     pub missing: Vec<LightId>,
     /// Lights with more than one medium on one side.
     pub divided: Vec<LightId>,
+}
+
+impl TracedPhotons {
+    /// Number of photons stored.
+    fn len(&self) -> usize {
+        self.photons.len() + self.media.len()
+    }
 }
 
 /// Photons that one task traces: few enough that no thread waits long for the last task.
@@ -94,6 +105,74 @@ pub struct PhotonsFor<'a> {
     /// black. Indices into [`Scene::surfaces`], in ascending order. Elsewhere photons are stored only where a diffuse
     /// lobe reflects them.
     pub receivers: &'a [u32],
+    /// Whether photons are stored in media instead of on surfaces; see [`trace_media_photons`].
+    in_media: bool,
+}
+
+impl<'a> PhotonsFor<'a> {
+    /// Photons for the surfaces that the scene itself states, and for `receivers`.
+    pub fn surfaces(budget: Option<&'a [f64]>, receivers: &'a [u32]) -> Self {
+        Self { budget, receivers, in_media: false }
+    }
+}
+
+/// Traces photons that media scatter, and adds them to `maps`: with [`MapKind::Caustic`] beams of specular chains, `settings.stored` about,
+/// with [`MapKind::Global`] points of light that was scattered or reflected diffusely before. Otherwise as [`trace_photons_for`]. The
+/// photons are in `maps` and not in the result.
+pub fn trace_media_photons(
+    scene: &Scene,
+    settings: &TraceSettings,
+    budget: Option<&[f64]>,
+    maps: &mut MediaMaps,
+    progress: &(dyn Fn(u64, u64) -> bool + Sync),
+) -> Option<TracedPhotons> {
+    let wanted = PhotonsFor { budget, receivers: &[], in_media: true };
+    if settings.kind == MapKind::Caustic {
+        let mut traced = trace_photons_for(scene, settings, wanted, progress)?;
+        maps.add_caustics(scene, &std::mem::take(&mut traced.media), traced.emitted);
+        return Some(traced);
+    }
+    if !settings.aimed {
+        let mut traced = trace_photons_for(scene, settings, wanted, progress)?;
+        maps.add_scattered(scene, &std::mem::take(&mut traced.media), traced.emitted);
+        return Some(traced);
+    }
+    // Photons from a light straight to a medium are aimed at it, however small it is; the others get there by way of surfaces.
+    let half = TraceSettings { stored: settings.stored.div_ceil(2), ..*settings };
+    let bounding = bounding_media(scene);
+    let is_bounding = |target: &&Target| bounding[target.surface as usize];
+    let targets = scene.targets().iter().filter(is_bounding).map(|target| Target { density: 1.0, ..*target });
+    let goals = Goals::towards(scene, &targets.collect::<Vec<_>>());
+    let sources = Sources::with_goals(scene, &goals, half.stored, true, budget);
+    let mut traced = trace_from(scene, &half, (&sources, u64::MAX), wanted, Starts::AtMedia(&bounding), progress)?;
+    // No more than give each of them the same power: where few get to media, they bring little light.
+    let flux = sources.importance();
+    let sources = Sources::new(scene, (half.kind, half.stored), true, budget);
+    let most = (traced.emitted as f64 * sources.importance() / flux).ceil();
+    let most = if most.is_finite() { (most as u64).max(half.stored) } else { u64::MAX };
+    let mut others = trace_from(scene, &half, (&sources, most), wanted, Starts::Elsewhere(&bounding), progress)?;
+    let mut records = std::mem::take(&mut traced.media);
+    let emitted = traced.emitted.max(1);
+    let factor = emitted as f64 / others.emitted.max(1) as f64;
+    records.append(std::mem::take(&mut others.media), factor as f32);
+    maps.add_scattered(scene, &records, emitted);
+    for (tally, other) in traced.tallies.iter_mut().zip(others.tallies) {
+        *tally += other;
+    }
+    traced.emitted += others.emitted;
+    traced.stopped |= others.stopped;
+    Some(traced)
+}
+
+/// By surface, whether it bounds a medium that scatters.
+fn bounding_media(scene: &Scene) -> Vec<bool> {
+    let scatters = |id: MediumId| scene.medium(id).volume.is_some();
+    let bounds_medium = |surface: &Surface| {
+        surface.all_materials().any(|material| {
+            scene.materials()[material as usize].1.media().is_some_and(|media| media.into_iter().any(scatters))
+        })
+    };
+    scene.surfaces().iter().map(bounds_medium).collect()
 }
 
 /// [`trace_photons`] for the purpose `wanted`.
@@ -103,29 +182,44 @@ pub fn trace_photons_for(
     wanted: PhotonsFor<'_>,
     progress: &(dyn Fn(u64, u64) -> bool + Sync),
 ) -> Option<TracedPhotons> {
-    let PhotonsFor { budget, receivers } = wanted;
-    let sources = Sources::new(scene, (settings.kind, settings.stored), settings.aimed, budget);
+    let sources = Sources::new(scene, (settings.kind, settings.stored), settings.aimed, wanted.budget);
+    trace_from(scene, settings, (&sources, u64::MAX), wanted, Starts::Anywhere, progress)
+}
+
+/// [`trace_photons_for`] with a limited number of photons of these sources.
+fn trace_from(
+    scene: &Scene,
+    settings: &TraceSettings,
+    (sources, most): (&Sources<'_>, u64),
+    wanted: PhotonsFor<'_>,
+    starts: Starts<'_>,
+    progress: &(dyn Fn(u64, u64) -> bool + Sync),
+) -> Option<TracedPhotons> {
+    let PhotonsFor { receivers, in_media, .. } = wanted;
     if settings.stored == 0 || sources.is_dark() {
         return Some(TracedPhotons {
             photons: Vec::new(),
             surfaces: Vec::new(),
+            media: MediaRecords::default(),
             emitted: 0,
             tallies: vec![PhotonTally::default(); scene.lights().len()],
             stopped: false,
             reached: vec![false; scene.surfaces().len()],
             missing: Vec::new(),
-            divided: sources.divided,
+            divided: sources.divided.clone(),
         });
     }
-    let pass = Pass { scene, settings, sources: &sources, receivers, progress };
+    let pass = Pass { scene, settings, sources, receivers, in_media, starts, progress };
     let (prepass, per_stored) = pass.find_count()?;
-    if prepass.stopped || prepass.photons.is_empty() {
+    if prepass.stopped || prepass.len() == 0 {
         return Some(prepass);
     }
-    let emitted = settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED);
-    let stream = match settings.kind {
-        MapKind::Caustic => Stream::CausticPhotons,
-        MapKind::Global => Stream::GlobalPhotons,
+    let emitted = (settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED)).min(most as f64);
+    let stream = match (settings.kind, in_media) {
+        (MapKind::Caustic, false) => Stream::CausticPhotons,
+        (MapKind::Caustic, true) => Stream::VolumeBeams,
+        (MapKind::Global, false) => Stream::GlobalPhotons,
+        (MapKind::Global, true) => Stream::VolumePhotons,
     };
     drop(prepass);
     pass.run(stream, emitted.ceil() as u64, Some(CHUNK)).map(|(traced, _)| traced)
@@ -161,6 +255,8 @@ pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<Ca
         settings: &settings,
         sources: &sources,
         stream: Stream::Prepass,
+        in_media: false,
+        starts: Starts::Anywhere,
         shares,
         reached: &reached,
     };
@@ -199,6 +295,8 @@ fn trace_alone(
         sources: &sources,
         receivers: &[],
         stream: Stream::Measure,
+        in_media: false,
+        starts: Starts::Anywhere,
         shares,
         reached: &reached,
     };
@@ -226,6 +324,8 @@ struct Pass<'a> {
     settings: &'a TraceSettings,
     sources: &'a Sources<'a>,
     receivers: &'a [u32],
+    in_media: bool,
+    starts: Starts<'a>,
     progress: &'a (dyn Fn(u64, u64) -> bool + Sync),
 }
 
@@ -239,9 +339,9 @@ impl Pass<'_> {
         loop {
             let quiet = Pass { progress: &|_, _| (self.progress)(0, 1), ..*self };
             let (prepass, counts) = quiet.run(Stream::Prepass, emitted, None)?;
-            let stored = prepass.photons.len() as f64;
+            let stored = prepass.len() as f64;
             let per_stored = prepass.emitted as f64 / stored;
-            let enough = if prepass.photons.is_empty() {
+            let enough = if prepass.len() == 0 {
                 emitted >= futile
             } else {
                 relative_error(&counts) <= CERTAIN
@@ -251,7 +351,7 @@ impl Pass<'_> {
             if enough || prepass.stopped {
                 return Some((prepass, per_stored));
             }
-            let longest = if prepass.photons.is_empty() { futile } else { u64::MAX };
+            let longest = if prepass.len() == 0 { futile } else { u64::MAX };
             emitted = emitted.saturating_mul(GROWTH).min(longest);
         }
     }
@@ -262,9 +362,10 @@ impl Pass<'_> {
     fn run(&self, stream: Stream, emitted: u64, chunk: Option<u64>) -> Option<(TracedPhotons, Vec<u64>)> {
         let shares = self.sources.shares(emitted);
         let emitted: u64 = shares.iter().sum();
-        let Self { scene, settings, sources, receivers, .. } = *self;
+        let Self { scene, settings, sources, receivers, in_media, starts, .. } = *self;
         let reached = no_surfaces(scene, settings.kind);
-        let batch = Batch { scene, settings, sources, receivers, stream, shares, reached: &reached };
+        let batch =
+            Batch { scene, settings, sources, receivers, stream, in_media, starts, shares, reached: &reached };
         let mut tasks = Vec::new();
         for (light, &share) in batch.shares.iter().enumerate() {
             let size = chunk.unwrap_or(share.div_ceil(REPLICAS)).max(1);
@@ -318,6 +419,7 @@ impl Pass<'_> {
         let mut traced = TracedPhotons {
             photons: Vec::with_capacity(results.iter().map(|(_, part)| part.photons.len()).sum()),
             surfaces: Vec::new(),
+            media: MediaRecords::default(),
             emitted,
             tallies: vec![PhotonTally::default(); lights],
             stopped,
@@ -350,9 +452,10 @@ impl Pass<'_> {
         let mut ordinal = vec![0usize; lights];
         for (number, part) in results {
             let light = tasks[number].light;
-            counts[ordinal[light]] += part.photons.len() as u64;
+            counts[ordinal[light]] += part.len() as u64;
             ordinal[light] += 1;
             traced.surfaces.extend(part.surfaces);
+            traced.media.append(part.media, factors[light] as f32);
             let mut tally = part.tally;
             if factors[light] == 1.0 {
                 traced.photons.extend(part.photons);

@@ -29,17 +29,27 @@ impl<'a> Sources<'a> {
         aimed: bool,
         budget: Option<&[f64]>,
     ) -> Self {
+        Self::with_goals(scene, &Goals::new(scene, kind), stored, aimed, budget)
+    }
+
+    /// [`Self::new`] for photons that are aimed at `goals`.
+    pub(super) fn with_goals(
+        scene: &'a Scene,
+        goals: &Goals<'a>,
+        stored: u64,
+        aimed: bool,
+        budget: Option<&[f64]>,
+    ) -> Self {
         let lights = scene.lights();
         let factor = |light: usize| budget.and_then(|budget| budget.get(light)).copied().unwrap_or(1.0);
         let unaimed: Vec<Emitter<'a>> =
             (0..lights.len()).map(|index| Emitter::unaimed(scene, index)).collect();
         let wanted = |index: usize| unaimed[index].importance() * factor(index);
         let total: f64 = (0..lights.len()).map(wanted).sum();
-        let goals = Goals::new(scene, kind);
         let emitters: Vec<Option<Emitter<'a>>> = (0..lights.len())
             .into_par_iter()
             .map(|index| match aimed {
-                true => Emitter::new(&goals, index, stored as f64 * wanted(index) / total),
+                true => Emitter::new(goals, index, stored as f64 * wanted(index) / total),
                 false => Some(unaimed[index].clone()).filter(|emitter| emitter.importance() > 0.0),
             })
             .collect();
@@ -51,6 +61,11 @@ impl<'a> Sources<'a> {
         };
         let choice = Distribution1D::new(emitters.iter().enumerate().map(importance));
         Self { emitters, media, choice, divided }
+    }
+
+    /// Flux of all lights towards the aim of their photons, in a relative measure that is the same for all passes.
+    pub(super) fn importance(&self) -> f64 {
+        self.emitters.iter().flatten().map(Emitter::importance).sum()
     }
 
     pub(super) fn emitter(&self, light: usize) -> Option<&Emitter<'a>> {

@@ -1,6 +1,7 @@
 //! Pass 1: traces photons from the lights until they are absorbed (Jensen 1996, section 3).
 
 use super::sources::Sources;
+use super::volume::MediaRecords;
 use super::{Photon, PhotonClass};
 use crate::bsdf::{Bend, Bsdf, BsdfSample, Lambert, Lobe, TransportMode, sides_agree};
 use crate::embree::RawHit;
@@ -8,7 +9,7 @@ use crate::math::{Frame, Ray, Rgb};
 use crate::media::MediumStack;
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
-use crate::transport::attenuation;
+use crate::transport::{Event, attenuation, next_event_in_media, surface_through_media};
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::{AddAssign, MulAssign};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -91,6 +92,10 @@ pub(super) struct Batch<'a> {
     /// Surfaces at which photons are stored even if they reflect nothing: indices, in ascending order.
     pub receivers: &'a [u32],
     pub stream: Stream,
+    /// Whether photons are stored in media instead of on surfaces.
+    pub in_media: bool,
+    /// Which photons are followed, by the first segment of their path.
+    pub starts: Starts<'a>,
     /// By light: number of photons to emit.
     pub shares: Vec<u64>,
     /// Surfaces that some photon met, one bit each; empty where this is not needed. The result does not depend on which
@@ -98,12 +103,33 @@ pub(super) struct Batch<'a> {
     pub reached: &'a [AtomicU64],
 }
 
+/// Photons that a pass follows, by whether the first segment of their path, from the light to the first surface, meets a medium that
+/// scatters or ends at one. Two passes, one aimed at such media, together have all photons. By surface, whether it bounds such a medium.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Starts<'a> {
+    /// All.
+    Anywhere,
+    /// Those that meet one.
+    AtMedia(&'a [bool]),
+    /// The others.
+    Elsewhere(&'a [bool]),
+}
+
 /// Result of tracing some photons of one light.
 pub(super) struct Traced {
     pub photons: Vec<Photon>,
     /// By photon, the surface that it is stored at; empty unless some surface has an illumination map.
     pub surfaces: Vec<u32>,
+    /// Photons in media.
+    pub media: MediaRecords,
     pub tally: PhotonTally,
+}
+
+impl Traced {
+    /// Number of photons stored.
+    pub(super) fn len(&self) -> usize {
+        self.photons.len() + self.media.len()
+    }
 }
 
 impl Batch<'_> {
@@ -133,10 +159,11 @@ impl Batch<'_> {
         let mut stored = Stored {
             photons: Vec::with_capacity((end - first) as usize),
             surfaces: self.scene.has_illumination_maps().then(Vec::new),
+            media: MediaRecords::default(),
         };
         let mut tally = PhotonTally::default();
         let Some(source) = self.sources.emitter(light) else {
-            return Traced { photons: Vec::new(), surfaces: Vec::new(), tally };
+            return Traced { photons: Vec::new(), surfaces: Vec::new(), media: MediaRecords::default(), tally };
         };
         let media = self.sources.media(light);
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
@@ -165,6 +192,7 @@ impl Batch<'_> {
                         started_with: power.max_element(),
                         medium: media[usize::from(start.back)],
                         depth: 0,
+                        scattered: 0,
                         chain: 0,
                         only_specular: true,
                         from_infinity,
@@ -175,6 +203,12 @@ impl Batch<'_> {
             }
             if flights.is_empty() {
                 break;
+            }
+            if self.scene.scatters() {
+                for mut flight in flights.drain(..) {
+                    while flight.advance_in_media(self, &mut stored, &mut tally) {}
+                }
+                continue;
             }
             for (hit, flight) in hits.iter_mut().zip(&flights) {
                 observe(&flight.ray);
@@ -192,11 +226,11 @@ impl Batch<'_> {
                 }
             }
         }
-        let Stored { mut photons, surfaces } = stored;
-        tally.stored = photons.len() as u64;
+        let Stored { mut photons, surfaces, media } = stored;
+        tally.stored = (photons.len() + media.len()) as u64;
         // Where few photons are stored, the unused capacity could be a thousand times larger.
         photons.shrink_to_fit();
-        Traced { photons, surfaces: surfaces.unwrap_or_default(), tally }
+        Traced { photons, surfaces: surfaces.unwrap_or_default(), media, tally }
     }
 }
 
@@ -205,6 +239,8 @@ struct Stored {
     photons: Vec<Photon>,
     /// The surface of each photon, where it is needed.
     surfaces: Option<Vec<u32>>,
+    /// Photons in media.
+    media: MediaRecords,
 }
 
 /// A photon whose power has grown by more than this factor, roulette apart, is cut off and counted. Power grows where
@@ -212,6 +248,9 @@ struct Stored {
 /// meshes no more than one photon in this number grows so far (Markov's inequality). Where the normals of a closed body
 /// contradict each other, the power might never stop growing.
 const LARGEST_GROWTH: f32 = 1000.0;
+
+/// A photon in media is stored with the probability of this number over itself plus the number of times it was to be stored before.
+const ALL_STORED: f32 = 8.0;
 
 /// Photons that a thread traces at a time. Their paths are independent; while one photon waits for its surface to be
 /// loaded, the processor works on the next.
@@ -227,6 +266,8 @@ struct Flight {
     medium: MediumStack,
     /// Number of surfaces met.
     depth: u32,
+    /// Number of times that media scattered it where that is stored.
+    scattered: u32,
     /// Length of the current specular chain.
     chain: u32,
     /// Whether the photon has met no diffuse surface so far.
@@ -278,6 +319,91 @@ impl Flight {
         goes_on
     }
 
+    /// Continues along its ray through media that scatter, to the next surface or scattering event; `false` where the photon ends.
+    ///
+    /// The light of a specular chain is not scattered in a pass for caustics: it crosses media as beams.
+    #[inline(never)]
+    fn advance_in_media(
+        &mut self,
+        pass: &Batch<'_>,
+        photons: &mut Stored,
+        tally: &mut PhotonTally,
+    ) -> bool {
+        let (scene, ray, arriving) = (pass.scene, self.ray, self.power);
+        let u = self.rng.next_f32();
+        let mut in_media = false;
+        let passage = if pass.settings.kind == MapKind::Caustic {
+            let (center, radius) = scene.bounds();
+            let reach = f64::from(ray.origin.distance(center) + radius);
+            let mut records = (pass.in_media && self.depth > 0).then_some(&mut photons.media);
+            let mut rng = self.rng.split();
+            surface_through_media(scene, &ray, &mut self.medium, u, |stretch| {
+                if let Some(records) = &mut records {
+                    records.cross(&ray, stretch, arriving, reach, &mut rng);
+                }
+            })
+        } else {
+            next_event_in_media(scene, &ray, &mut self.medium, (arriving, u), |_| in_media = true)
+        };
+        let ends_at = |bounding: &[bool]| match &passage.event {
+            Event::Surface(arrival) => bounding[arrival.hit.surface as usize],
+            Event::Medium(_) | Event::Escape => false,
+        };
+        let is_followed = match pass.starts {
+            Starts::Anywhere => true,
+            Starts::AtMedia(bounding) => self.depth > 0 || in_media || ends_at(bounding),
+            Starts::Elsewhere(bounding) => self.depth > 0 || !(in_media || ends_at(bounding)),
+        };
+        if !is_followed {
+            tally.power_escaped += arriving.as_dvec3();
+            return false;
+        }
+        self.power *= passage.weight;
+        let goes_on = match passage.event {
+            Event::Escape => {
+                tally.missed += u64::from(self.depth == 0);
+                tally.power_escaped += self.power.as_dvec3();
+                tally.power_absorbed += arriving.as_dvec3() - self.power.as_dvec3();
+                return false;
+            }
+            Event::Surface(arrival) => {
+                tally.bounces += 1;
+                if !pass.reached.is_empty() {
+                    pass.note(arrival.hit.surface);
+                }
+                self.meet_surface(pass, &arrival.hit, photons, tally)
+            }
+            Event::Medium(collision) => {
+                if pass.in_media && !self.only_specular {
+                    // So that the photons of a dense medium are not those of a few paths.
+                    let share = ALL_STORED / (ALL_STORED + self.scattered as f32);
+                    if self.rng.next_f32() < share {
+                        photons.media.scatter(&ray, &collision, self.power / share);
+                    }
+                    self.scattered += 1;
+                }
+                self.only_specular = false;
+                self.chain = 0;
+                let scattered = std::mem::replace(&mut self.power, arriving);
+                let survives = self.survives(scattered);
+                if survives {
+                    let sample = collision.phase.sample(-ray.direction, self.rng.next_2d());
+                    self.ray = Ray::new(collision.position, sample.wi);
+                }
+                survives
+            }
+        };
+        let left = if goes_on { self.power } else { Rgb::ZERO };
+        tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
+        self.depth += 1;
+        if goes_on && self.depth >= pass.settings.max_depth {
+            tally.truncated += 1;
+            tally.power_truncated += self.power.as_dvec3();
+            return false;
+        }
+        goes_on
+    }
+
     /// Continues from a flat Lambert surface; [`Self::meet`] handles all others. Here the roulette does not depend on
     /// the direction, so it comes first, and only survivors sample a direction.
     #[inline(always)]
@@ -309,18 +435,31 @@ impl Flight {
             self.ray = hit.spawn(self.ray.direction);
             return true;
         }
-        let shading = pass.scene.shading_within(&hit, self.medium);
-        if shading.bsdf.has_diffuse() || pass.receivers.binary_search(&hit.surface).is_ok() {
+        self.meet_surface(pass, &hit, photons, tally)
+    }
+
+    /// Continues from any surface that is no null interface.
+    #[inline(always)]
+    fn meet_surface(
+        &mut self,
+        pass: &Batch<'_>,
+        hit: &SurfaceInteraction,
+        photons: &mut Stored,
+        tally: &mut PhotonTally,
+    ) -> bool {
+        let shading = pass.scene.shading_within(hit, self.medium);
+        let keeps = !pass.in_media;
+        if keeps && shading.bsdf.has_diffuse() || keeps && pass.receivers.binary_search(&hit.surface).is_ok() {
             // Photon density on the surface includes the cosine at the geometric normal; the reflected light has the
             // cosine at the shading normal.
             let at = (hit.surface, hit.point.position, hit.facing_normal());
-            self.store(pass.settings.kind, at, shading_share(&hit), photons);
+            self.store(pass.settings.kind, at, shading_share(hit), photons);
         }
         let is_lobe_left = shading.bsdf.has_specular() || shading.bsdf.has_glossy();
         if pass.settings.kind == MapKind::Caustic && !is_lobe_left {
             return false;
         }
-        let goes_on = self.scatter(pass, &hit, &shading, tally);
+        let goes_on = self.scatter(pass, hit, &shading, tally);
         goes_on && (self.only_specular || pass.settings.kind != MapKind::Caustic)
     }
 

@@ -4,7 +4,7 @@ use super::memory::PhotonCounts;
 use super::saved::SavedMaps;
 use super::settings::{IntegratorKind, Settings, ShadowMode};
 use super::stats::{
-    IlluminationStatistics, MapStatistics, PhotonMapFile, PhotonStatistics, ShadowStatistics,
+    IlluminationStatistics, MapStatistics, MediaStatistics, PhotonMapFile, PhotonStatistics, ShadowStatistics,
 };
 use crate::camera::Camera;
 use crate::integrators::{
@@ -14,9 +14,10 @@ use crate::lights::LightId;
 use crate::memory::MemoryError;
 use crate::observer::Observer;
 use crate::photons::{
+    MediaSizes,
     Deposit, DirectLight, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
     PhotonClasses, PhotonMap, PhotonTally, PhotonsFor, TraceSettings, TracedPhotons, build_shadow_maps,
-    split_deposits, trace_photons_for,
+    split_deposits, trace_media_photons, trace_photons_for,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -53,6 +54,8 @@ pub struct PassOne {
     pub statistics: Vec<MapStatistics>,
     /// Statistics of illumination maps, where there are any.
     pub illumination: Option<IlluminationStatistics>,
+    /// Statistics of photons in media, where there are any.
+    pub media: Option<MediaStatistics>,
     /// Statistics of shadow photons, by light.
     pub shadows: Vec<ShadowStatistics>,
     /// Seconds to trace and sort shadow photons.
@@ -328,6 +331,13 @@ impl MapBuilder<'_> {
             self.pass.maps.caustic = Some(map);
         }
         self.sum_up();
+        let end = limit.map(|limit| (start + limit).max(Instant::now() + limit.mul_f64(0.5)));
+        if plan.volume_caustics.build {
+            self.build_in_media(MapKind::Caustic, self.settings.volume_beams, end)?;
+        }
+        if plan.volume_map.build {
+            self.build_in_media(MapKind::Global, self.settings.volume_photons, end)?;
+        }
         if plan.shadow_photons.build {
             if self.observer.is_cancelled() {
                 return None;
@@ -355,6 +365,53 @@ impl MapBuilder<'_> {
         self.observer.advance(1);
     }
 
+    /// Traces photons in media: beams of caustics, or points of light that was scattered before.
+    fn build_in_media(&mut self, kind: MapKind, wanted: u64, end: Option<Instant>) -> Option<()> {
+        let (scene, observer) = (self.scene, self.observer);
+        let name = match kind {
+            MapKind::Caustic => "beams through media",
+            MapKind::Global => "photons in media",
+        };
+        observer.begin(&format!("tracing {name}"), wanted);
+        let start = Instant::now();
+        let trace = self.trace_settings(kind, wanted);
+        let budget = self.budget.map(|budget| match kind {
+            MapKind::Global => &budget.global[..],
+            MapKind::Caustic => &budget.caustic[..],
+        });
+        let traced = trace_media_photons(scene, &trace, budget, &mut self.pass.maps.media, &|done, total| {
+            observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
+            !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
+        })?;
+        let statistics = self.pass.media.get_or_insert_default();
+        let MediaSizes { beams, points, bytes } = self.pass.maps.media.sizes();
+        (statistics.beams, statistics.points, statistics.bytes) = (beams, points, bytes);
+        statistics.emitted += traced.emitted;
+        statistics.seconds += start.elapsed().as_secs_f64();
+        if traced.stopped {
+            self.pass.warnings.push(format!(
+                "the {name} of {wanted} asked for were traced in part, in their share of the time limit; ask for fewer, or give it more time"
+            ));
+        }
+        let truncated: u64 = traced.tallies.iter().map(|tally| tally.truncated).sum();
+        if is_worth_a_warning(truncated, traced.emitted) {
+            self.pass.warnings.push(format!(
+                "{truncated} of the {name} were cut off at the depth limit; their light is missing (raise --max-depth)"
+            ));
+        }
+        Some(())
+    }
+
+    fn trace_settings(&self, kind: MapKind, stored: u64) -> TraceSettings {
+        TraceSettings {
+            kind,
+            stored,
+            seed: self.settings.seed,
+            max_depth: self.settings.max_depth,
+            aimed: self.settings.aim_photons,
+        }
+    }
+
     fn build(&mut self, kind: MapKind, counts: PhotonCounts, end: Option<Instant>) -> Option<PhotonMap> {
         let wanted = counts.for_map(kind);
         let name = match kind {
@@ -369,19 +426,13 @@ impl MapBuilder<'_> {
             return Some(map);
         }
         observer.begin(&format!("tracing {name} photons"), wanted);
-        let trace = TraceSettings {
-            kind,
-            stored: wanted,
-            seed: self.settings.seed,
-            max_depth: self.settings.max_depth,
-            aimed: self.settings.aim_photons,
-        };
+        let trace = self.trace_settings(kind, wanted);
         let start = Instant::now();
         let budget = self.budget.map(|budget| match kind {
             MapKind::Global => &budget.global[..],
             MapKind::Caustic => &budget.caustic[..],
         });
-        let wanted_for = PhotonsFor { budget, receivers: self.receivers };
+        let wanted_for = PhotonsFor::surfaces(budget, self.receivers);
         let traced = trace_photons_for(scene, &trace, wanted_for, &|done, total| {
             observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
             !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
@@ -406,7 +457,7 @@ impl MapBuilder<'_> {
         };
         self.pass.statistics.push(statistics);
         let start = Instant::now();
-        let TracedPhotons { photons, surfaces, emitted, tallies, stopped, reached, missing, divided } =
+        let TracedPhotons { photons, surfaces, emitted, tallies, stopped, reached, missing, divided, .. } =
             traced;
         let keeps_all = !self.settings.illumination_maps || self.settings.integrator == IntegratorKind::Path;
         let surfaces = if keeps_all { Vec::new() } else { surfaces };

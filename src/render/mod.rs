@@ -37,6 +37,6 @@ pub use progressive::{
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};
 pub use settings::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, Settings, ShadowMode, Show};
 pub use stats::{
-    AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, MemoryStatistics,
-    PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics, Times,
+    AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, MediaStatistics,
+    MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics, Times,
 };

@@ -22,7 +22,7 @@ use crate::integrators::{
     PhotonMapSettings, PhotonMaps, Scratch, ShadowCounters, ShowClasses, ShowPhotons,
 };
 use crate::math::Rgb;
-use crate::media::MediumStack;
+use crate::media::{Medium, MediumStack};
 use crate::memory::{MemoryError, Resident, resident_memory};
 use crate::observer::{Observer, Silent};
 use crate::sampling::{Rng, SampleStream, Stream};
@@ -91,11 +91,9 @@ pub enum RenderError {
         "only --integrator progressive knows its error while it renders: choose it, or leave --target-error out"
     )]
     TargetWithoutRounds,
-    /// The scene has a scattering medium and the settings use photons.
-    #[error(
-        "the medium `{0}` scatters light, which --integrator path alone renders (without --guide photons): photon maps hold no light in media"
-    )]
-    Scattering(String),
+    /// The scene has a medium that emits light and the settings use photons.
+    #[error("the medium `{0}` emits light, which --integrator path alone renders: photons do not start in media")]
+    Glowing(String),
     /// The render cannot be resumed.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
@@ -124,11 +122,14 @@ pub fn render(
     render_with_maps(scene, camera, request, None, observer)
 }
 
-/// Returns an error where a medium of the scene scatters and the settings use photons.
+/// Returns an error where a medium of the scene emits light and the settings use photons.
 pub(super) fn check_media(scene: &Scene, settings: &Settings) -> Result<(), RenderError> {
     let is_path = settings.integrator == IntegratorKind::Path && settings.guide == GuideKind::None;
-    match scene.media().iter().find(|medium| medium.volume.is_some()) {
-        Some(medium) if !is_path => Err(RenderError::Scattering(medium.name.clone())),
+    let emits = |medium: &&Medium| {
+        medium.volume.as_ref().is_some_and(|volume| volume.coefficients().emission() != Rgb::ZERO)
+    };
+    match scene.media().iter().find(emits) {
+        Some(medium) if !is_path => Err(RenderError::Glowing(medium.name.clone())),
         _ => Ok(()),
     }
 }
@@ -529,6 +530,7 @@ pub(super) fn statistics(
         photon_map_file: pass_one.file,
         cache: None,
         illumination: pass_one.illumination,
+        media: pass_one.media,
         adaptive: None,
         shadows: pass_one.shadows,
         seconds_shadows: pass_one.seconds_shadows,

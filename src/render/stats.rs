@@ -112,6 +112,21 @@ pub struct IlluminationStatistics {
     pub seconds: f64,
 }
 
+/// Photons in media that scatter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct MediaStatistics {
+    /// Beams of caustics.
+    pub beams: u64,
+    /// Photons at points: caustics for rays along beams, and light that was scattered before.
+    pub points: u64,
+    /// Photons emitted.
+    pub emitted: u64,
+    /// Bytes of memory.
+    pub bytes: u64,
+    /// Seconds to trace and to build the search structures.
+    pub seconds: f64,
+}
+
 /// Adaptive camera samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AdaptiveStatistics {
@@ -210,6 +225,9 @@ pub struct Statistics {
     pub cache: Option<CacheStatistics>,
     /// Illumination maps, where there are any.
     pub illumination: Option<IlluminationStatistics>,
+    /// Photons in media, where there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub media: Option<MediaStatistics>,
     /// Adaptive samples, where they were requested.
     pub adaptive: Option<AdaptiveStatistics>,
     /// Bytes of the distributions that guide directions.

@@ -22,6 +22,17 @@ impl Statistics {
         for map in &self.maps {
             write_map(out, map)?;
         }
+        if let Some(media) = &self.media {
+            writeln!(
+                out,
+                "\nphotons in media: {} beams, {} points, {} emitted, {}, {:.2} s",
+                media.beams,
+                media.points,
+                media.emitted,
+                megabytes(media.bytes),
+                media.seconds
+            )?;
+        }
         for light in &self.shadows {
             writeln!(
                 out,

@@ -32,6 +32,10 @@ pub enum Stream {
     DirectAtPoints = 22,
     /// Collisions in media along a ray.
     Media = 23,
+    /// Photons that cross media as beams.
+    VolumeBeams = 24,
+    /// Photons that media scatter.
+    VolumePhotons = 25,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

@@ -5,6 +5,7 @@
 use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
 use crate::lights::{LIGHTS_SAMPLED_EACH, Light};
+use crate::media::Medium;
 use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
 use serde::Serialize;
 use std::fmt;
@@ -60,6 +61,10 @@ pub struct RenderPlan {
     pub global_map: Decision,
     /// The map of photons that only met specular surfaces.
     pub caustic_map: Decision,
+    /// Photon beams: light of specular chains that media scatter.
+    pub volume_caustics: Decision,
+    /// Photons that media scatter for the second time or more.
+    pub volume_map: Decision,
     /// Final gathering of soft indirect light.
     pub final_gather: Decision,
     /// Distribution rays from highly glossy surfaces.
@@ -95,6 +100,8 @@ impl RenderPlan {
         Self {
             global_map: facts.global_map(integrator, show),
             caustic_map: facts.caustic_map(integrator, show),
+            volume_caustics: volume_caustics(scene, integrator),
+            volume_map: volume_map(scene, integrator),
             final_gather: match integrator {
                 IntegratorKind::PhotonMap | IntegratorKind::Progressive if facts.lit && facts.diffuse > 0 => {
                     Decision::yes("diffuse surfaces reflect light to each other")
@@ -117,7 +124,11 @@ impl RenderPlan {
             direct_at_points: Decision::no("no irradiance is precomputed"),
             caustics_at_points: Decision::no("no irradiance is precomputed"),
             shadow_photons: Decision::no("every shadow ray is traced"),
-            photon_budget: facts.photon_budget(integrator, scene.lights().len()),
+            photon_budget: if scene.scatters() {
+                Decision::no("media scatter: photons are shared out by flux")
+            } else {
+                facts.photon_budget(integrator, scene.lights().len())
+            },
             glints: Decision::no("lamps in glass and mirrors are met by chance"),
             absorption: if facts.absorbing > 0 {
                 Decision::yes(format!("{} medium or media absorb", facts.absorbing))
@@ -173,7 +184,9 @@ impl RenderPlan {
             Decision::yes("behind glossy reflections, and for gather rays, the nearest point tells them")
         };
         let choice = scene.light_choice();
-        self.direct_at_points = if !choice.groups().is_empty() {
+        self.direct_at_points = if scene.scatters() {
+            Decision::no("media scatter, and points do not know what they lie in")
+        } else if !choice.groups().is_empty() {
             Decision::no(format!("{} lights: not every point would ask each", scene.lights().len()))
         } else if self.bsdf_sampling.build {
             Decision::no(self.bsdf_sampling.reason.clone())
@@ -213,6 +226,8 @@ impl RenderPlan {
             Decision::yes("photons are shown by their class")
         } else if mode == ShadowMode::Off {
             return self;
+        } else if scene.scatters() {
+            Decision::no("media scatter: a ray that is not blocked is not fully lit either")
         } else if !self.light_sampling.build {
             Decision::no(self.light_sampling.reason.clone())
         } else if !self.global_map.build {
@@ -263,10 +278,12 @@ impl RenderPlan {
     }
 
     /// Each decision with its name, for display.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 14] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 16] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
+            ("beams in media", &self.volume_caustics),
+            ("photons in media", &self.volume_map),
             ("final gathering", &self.final_gather),
             ("glossy sampling", &self.glossy_sampling),
             ("irradiance cache", &self.irradiance_cache),
@@ -280,6 +297,42 @@ impl RenderPlan {
             ("search for glints", &self.glints),
             ("absorption", &self.absorption),
         ]
+    }
+}
+
+/// Names of the media that scatter, or the reason why no photons in them are needed.
+fn scattering_media(scene: &Scene, integrator: IntegratorKind) -> Result<String, Decision> {
+    if !scene.scatters() {
+        return Err(Decision::no("no medium scatters"));
+    }
+    match integrator {
+        IntegratorKind::Path => Err(Decision::no("path tracing needs no maps")),
+        IntegratorKind::Photons => Err(Decision::no("a map of surfaces is shown")),
+        IntegratorKind::PhotonMap | IntegratorKind::Progressive if scene.light_power().is_none() => {
+            Err(Decision::no("there is no light"))
+        }
+        IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
+            let scatters = |medium: &&Medium| medium.volume.is_some();
+            let names: Vec<&str> = scene.media().iter().filter(scatters).map(|m| m.name.as_str()).collect();
+            Ok(names.join(", "))
+        }
+    }
+}
+
+fn volume_caustics(scene: &Scene, integrator: IntegratorKind) -> Decision {
+    match scattering_media(scene, integrator) {
+        Err(no) => no,
+        Ok(_) if scene.casters().is_empty() => {
+            Decision::no("no specular surface, so there are no caustics in media")
+        }
+        Ok(names) => Decision::yes(format!("{names} scatter(s) the light of specular surfaces")),
+    }
+}
+
+fn volume_map(scene: &Scene, integrator: IntegratorKind) -> Decision {
+    match scattering_media(scene, integrator) {
+        Err(no) => no,
+        Ok(names) => Decision::yes(format!("{names} scatter(s) light again and again")),
     }
 }
 

@@ -102,6 +102,26 @@ settings! {
         knob: CausticMap by Turn::Factor(4),
     }
 
+    /// Photon beams to store in media that scatter, for caustics. About 150 bytes each; time in proportion.
+    volume_beams: u64 {
+        kind: PHOTONS,
+        unit: "beams",
+        group: Photons,
+        presets: [6_000, 20_000, 60_000, 200_000],
+        in_rounds: [10_000; 4],
+        maps: Nothing,
+    }
+
+    /// Photons to store in media for light that was scattered before. 22 bytes each; time in proportion.
+    volume_photons: u64 {
+        kind: PHOTONS,
+        unit: "photons",
+        group: Photons,
+        presets: [30_000, 100_000, 300_000, 1_000_000],
+        in_rounds: [50_000; 4],
+        maps: Nothing,
+    }
+
     /// Whether photons are aimed by projection maps, rather than emitted in all directions: changes noise, not light.
     aim_photons: bool {
         kind: Kind::Flag,

@@ -77,6 +77,29 @@ pub fn next_event_in_media<'a>(
     ray: &Ray,
     medium: &mut MediumStack,
     (throughput, u): (Rgb, f32),
+    pass: impl FnMut(&Stretch<'a>),
+) -> Passage<'a> {
+    through_media(scene, ray, medium, (Some(throughput), u), pass)
+}
+
+/// As [`next_event_in_media`], for light that media do not scatter: the ray ends at a surface or leaves the scene, and its weight is the
+/// transmittance, an unbiased estimate. For rays whose scattered light `pass` accounts for.
+pub fn surface_through_media<'a>(
+    scene: &'a Scene,
+    ray: &Ray,
+    medium: &mut MediumStack,
+    u: f32,
+    pass: impl FnMut(&Stretch<'a>),
+) -> Passage<'a> {
+    through_media(scene, ray, medium, (None, u), pass)
+}
+
+/// Both of the above; light is scattered where there is a throughput.
+fn through_media<'a>(
+    scene: &'a Scene,
+    ray: &Ray,
+    medium: &mut MediumStack,
+    (throughput, u): (Option<Rgb>, f32),
     mut pass: impl FnMut(&Stretch<'a>),
 ) -> Passage<'a> {
     let mut rng = rng_of(ray, u);
@@ -91,23 +114,36 @@ pub fn next_event_in_media<'a>(
                 let stretch =
                     Stretch { line, length: t_max, volume, medium: *medium, weight, rng: rng.split() };
                 pass(&stretch);
-                let flight = volume.fly(&line, t_max, throughput * weight, Losses::Weighted, &mut rng);
-                emitted += weight * flight.emitted;
-                // Where nothing scatters, what passes need not be left to chance.
-                let end = if volume.coefficients().scattering() == Rgb::ZERO {
-                    End::Escaped { weight: volume.transmittance(&line, t_max, &mut rng) }
-                } else {
-                    flight.end
-                };
-                match end {
-                    End::Scattered { t, weight: by } => {
-                        weight *= by * volume.coefficients().albedo();
-                        let position = line.at(t).as_vec3();
-                        let distance = passed + t as f32;
-                        let collision = Collision { stretch, t, position, distance, phase: volume.phase() };
-                        return Passage { event: Event::Medium(collision), weight, emitted };
+                match throughput {
+                    Some(throughput) => {
+                        let throughput = throughput * weight;
+                        let flight = volume.fly(&line, t_max, throughput, Losses::Weighted, &mut rng);
+                        emitted += weight * flight.emitted;
+                        // Where nothing scatters, what passes need not be left to chance.
+                        let end = if volume.coefficients().scattering() == Rgb::ZERO {
+                            End::Escaped { weight: volume.transmittance(&line, t_max, &mut rng) }
+                        } else {
+                            flight.end
+                        };
+                        match end {
+                            End::Scattered { t, weight: by } => {
+                                weight *= by * volume.coefficients().albedo();
+                                let position = line.at(t).as_vec3();
+                                let distance = passed + t as f32;
+                                let phase = volume.phase();
+                                let collision = Collision { stretch, t, position, distance, phase };
+                                return Passage { event: Event::Medium(collision), weight, emitted };
+                            }
+                            End::Escaped { weight: by } | End::Absorbed { weight: by, .. } => weight *= by,
+                        }
                     }
-                    End::Escaped { weight: by } | End::Absorbed { weight: by, .. } => weight *= by,
+                    None => {
+                        if volume.coefficients().emission() != Rgb::ZERO {
+                            let flight = volume.fly(&line, t_max, weight, Losses::Weighted, &mut rng);
+                            emitted += weight * flight.emitted;
+                        }
+                        weight *= volume.transmittance(&line, t_max, &mut rng);
+                    }
                 }
             }
             (None, _, Some(hit)) => weight *= attenuation_of(filling, hit.distance).unwrap_or(Rgb::ONE),

@@ -280,7 +280,6 @@ fn lamps_that_mirrors_show_to_a_glossy_floor_keep_their_light() {
 /// Each image of the lamp is small, and behind a chain of its own; but that one is met is not rare.
 #[test]
 fn a_box_of_mirrors_is_as_bright_as_its_lamp() {
-    const SEEDS: u64 = 24;
     let text = r#"
         [camera]
         eye = [0.2, 0.1, 0.8]
@@ -305,14 +304,14 @@ fn a_box_of_mirrors_is_as_bright_as_its_lamp() {
         emission = { radiance = 1.0 }
         "#;
     let stage = Stage::new(text, (16, 16));
-    for (name, of, spp) in
-        [("path", path(), 4), ("photon map", photon_map(), 4), ("photon map", photon_map(), 16)]
+    for (name, of, spp, seeds) in
+        [("path", path(), 4, 12), ("photon map", photon_map(), 4, 12), ("photon map", photon_map(), 16, 4)]
     {
-        let means: Vec<f64> = (1..=SEEDS)
+        let means: Vec<f64> = (1..=seeds)
             .map(|seed| stage.shoot(&with_glints(of.clone(), true, spp, seed)).mean("beauty")[0])
             .collect();
         let (mean, deviation) = moments(&means);
-        // Roulette along chains leaves 1.5 % of noise in four samples, 0.3 % in the mean of all seeds.
+        // Roulette along chains leaves 1.5 % of noise in four samples, 0.4 % in the mean of all seeds.
         println!("{name}, {spp} samples: {mean}, one seed by {deviation}");
         assert!((mean - 1.0).abs() < 0.02, "{name}, {spp} samples: {mean}");
     }

@@ -194,7 +194,7 @@ impl PhotonMapIntegrator<'_> {
         let mut samples = SampleStream::new(mix(request.seed ^ Stream::IrradianceCache as u64), pixel, 0);
         let mut number = 0;
         let (scene, max_depth) = (self.scene, self.settings.max_depth);
-        let walk = Walk { scene, max_depth, glossy_samples: 1, samples_lights: false };
+        let walk = Walk { scene, max_depth, glossy_samples: 1, samples_lights: false, media: None };
         walk_specular(walk, &EyeRay::alone(at(0.5)), self.camera_medium, &mut samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
                 if self.is_cached(vertex) {
@@ -273,8 +273,18 @@ impl PhotonMapIntegrator<'_> {
                 return Seen::NOTHING;
             };
             let ray = hit.spawn(direction);
-            let start = Start { ray, medium, direct_pdf: None, indirect: true, recursion: 0, weight };
-            let found = self.gather(vertex, &start, u, scratch);
+            let start = Start {
+                ray,
+                medium,
+                partner: None,
+                collided: None,
+                indirect: true,
+                recursion: 0,
+                weight,
+                depth: vertex.depth,
+                travelled: vertex.travelled,
+            };
+            let found = self.gather(&start, u, scratch);
             Seen { radiance: found.indirect, nearest: found.nearest, distance: found.distance }
         });
         irradiance.turned(axes)

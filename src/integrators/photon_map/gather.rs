@@ -4,12 +4,16 @@ use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
 use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
+use crate::lights::{LightId, Receiver as LightReceiver};
 use crate::math::{Ray, Rgb};
 use crate::media::MediumStack;
 use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
-use crate::transport::{Arrival, Event, MisPartner, emitted, escaped, next_event, receiver};
+use crate::transport::{
+    Arrival, Collision, Event, MisPartner, emitted, escaped, next_event, next_event_in_media, receiver,
+};
+use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
 
 /// Number of diffuse reflections after the first one up to which close surfaces are still computed accurately.
@@ -34,6 +38,8 @@ const MAP_OR_NOT: u32 = u32::MAX;
 const GO_ON_OR_NOT: u32 = u32::MAX - 1;
 const LANDINGS: u32 = u32::MAX - 2;
 const COMPARE_OR_NOT: u32 = 1 << 31;
+/// Plus the depth: the flight through media to the surface at that depth.
+const FLIGHTS: u32 = 1 << 30;
 
 /// Share of the comparable gather rays that are compared with the map, in rounds of progressive rendering. Each comparison costs one
 /// lookup; all of them together cost 6 % of the time in a scene that is lit by little but indirect light.
@@ -67,19 +73,32 @@ pub(super) struct Gathered {
     pub(super) distance: f32,
 }
 
+impl Gathered {
+    /// What the light of an emitter counts as that the ray hits with its segment number `depth`.
+    fn part(&mut self, depth: u32) -> &mut Rgb {
+        if depth == 0 { &mut self.direct } else { &mut self.indirect }
+    }
+}
+
 /// Initial state of a gather ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Start {
+pub(super) struct Start<'a> {
     pub(super) ray: Ray,
     pub(super) medium: MediumStack,
-    /// Sampling density of the direction; `None` where the emission of surfaces that the ray hits is not needed.
-    pub(super) direct_pdf: Option<f32>,
+    /// Where the ray starts and the density of its direction; `None` where the emission of surfaces that the ray hits is not needed.
+    pub(super) partner: Option<MisPartner>,
+    /// The collision at which the ray starts, and the throughput at the start of its stretch; `None` where it starts at a surface.
+    pub(super) collided: Option<(&'a Collision<'a>, Rgb)>,
     /// Whether the light reflected by surfaces that the ray hits is needed.
     pub(super) indirect: bool,
     /// Number of diffuse reflections before the one at which the ray starts.
     pub(super) recursion: u32,
     /// Factor on the light on its way to the eye, brightest channel.
     pub(super) weight: f32,
+    /// Number of segments from the eye to the start of the ray.
+    pub(super) depth: u32,
+    /// Path length from the eye to the start of the ray.
+    pub(super) travelled: f32,
 }
 
 /// A surface at which a gather ray landed.
@@ -156,12 +175,17 @@ impl PhotonMapIntegrator<'_> {
             let start = Start {
                 ray: vertex.hit.spawn(direction),
                 medium,
-                direct_pdf: self.bsdf_sampling.then_some(sample.pdf_solid_angle),
+                partner: self
+                    .bsdf_sampling
+                    .then(|| MisPartner { from: receiver(self.scene, vertex.hit), pdf: sample.pdf_solid_angle }),
+                collided: None,
                 indirect: wanted,
                 recursion,
                 weight: vertex.weight * sample.throughput.max_element(),
+                depth: vertex.depth,
+                travelled: vertex.travelled,
             };
-            let found = self.gather(vertex, &start, u_path, scratch);
+            let found = self.gather(&start, u_path, scratch);
             gain.indirect += sample.throughput * found.indirect;
             gain.direct += sample.throughput * found.direct;
             gain.bias += sample.throughput * found.bias;
@@ -171,14 +195,8 @@ impl PhotonMapIntegrator<'_> {
     }
 
     /// Radiance that arrives along a gather ray.
-    pub(super) fn gather(
-        &self,
-        vertex: &Vertex<'_>,
-        start: &Start,
-        mut u: f32,
-        scratch: &mut Scratch,
-    ) -> Gathered {
-        let Start { mut ray, mut medium, direct_pdf, .. } = *start;
+    pub(super) fn gather(&self, start: &Start<'_>, mut u: f32, scratch: &mut Scratch) -> Gathered {
+        let Start { mut ray, mut medium, .. } = *start;
         let mut throughput = Rgb::ONE;
         let mut found = Gathered {
             indirect: Rgb::ZERO,
@@ -189,39 +207,78 @@ impl PhotonMapIntegrator<'_> {
         };
         scratch.counters.gather_rays += 1;
         let own = u;
+        // Where the path first collided in the present medium.
+        let mut walk = start.collided.map(|(collision, _)| collision.position);
+        let mut next_partner = start.partner;
         for depth in 0..self.settings.max_depth {
             scratch.counters.depth_sum += 1;
-            // MIS partner of the first segment: lights were sampled where the ray starts.
-            let partner = || {
-                let pdf = direct_pdf.filter(|_| depth == 0)?;
-                Some(MisPartner { from: receiver(self.scene, vertex.hit), pdf })
+            // Lights were sampled where this segment starts, if it is the first one or comes from a collision.
+            let partner = next_partner.take();
+            let event = if self.scene.scatters() {
+                let u = refreshed(own, FLIGHTS + depth);
+                let passage = next_event_in_media(self.scene, &ray, &mut medium, (throughput, u), |_| ());
+                throughput *= passage.weight;
+                passage.event
+            } else {
+                next_event(self.scene, &ray, &mut medium)
             };
-            let Event::Surface(arrival) = next_event(self.scene, &ray, &mut medium) else {
-                if let Some(partner) = partner() {
-                    found.direct = escaped(self.scene, ray.direction, Some(partner), |_| 1.0);
+            let arrival = match event {
+                Event::Surface(arrival) => arrival,
+                Event::Medium(collision) => {
+                    // A medium has no distance that limits how far the light found here may be interpolated.
+                    found.distance = f32::INFINITY;
+                    if !start.indirect {
+                        return found;
+                    }
+                    let first = *walk.get_or_insert(collision.position);
+                    let mut samples = SampleStream::new(key_of(collision.position, own), depth.into(), 0);
+                    let way = (-ray.direction, first);
+                    let (scattered, is_all) = self.scattered_at(&collision, way, &mut samples, scratch);
+                    found.indirect += throughput * scattered;
+                    if is_all {
+                        return found;
+                    }
+                    let survival = throughput.max_element().clamp(LEAST_SURVIVAL, 1.0);
+                    if samples.next_1d() >= survival {
+                        return found;
+                    }
+                    throughput /= survival;
+                    let sample = collision.phase.sample(-ray.direction, samples.next_2d());
+                    ray = Ray::new(collision.position, sample.wi);
+                    let from = LightReceiver { position: collision.position, normal: Vec3::ZERO };
+                    next_partner = Some(MisPartner { from, pdf: sample.pdf });
+                    continue;
                 }
-                found.distance = f32::INFINITY;
-                return found;
+                Event::Escape => {
+                    if let Some(partner) = partner {
+                        let partner = self.against_light(start, depth, partner, None);
+                        let escaped = escaped(self.scene, ray.direction, Some(partner), |_| 1.0);
+                        *found.part(depth) += throughput * escaped;
+                    }
+                    found.distance = f32::INFINITY;
+                    return found;
+                }
             };
             arrival.attenuate(&mut throughput);
             let Arrival { hit, passed_null_interface, .. } = arrival;
             found.distance += hit.distance;
+            // Light that passes a null interface is counted as a caustic.
+            if let Some(partner) = partner.filter(|_| !passed_null_interface)
+                && let Some(id) = self.scene.surface(&hit).light
+            {
+                let partner = self.against_light(start, depth, partner, Some(id));
+                *found.part(depth) += throughput * emitted(self.scene, &hit, Some(partner), |_| 1.0);
+            }
+            walk = None;
             if depth == 0 {
                 found.nearest = hit.distance;
-                // Light that passes a null interface is counted as a caustic.
-                if !passed_null_interface
-                    && self.scene.surface(&hit).light.is_some()
-                    && let Some(partner) = partner()
-                {
-                    found.direct = throughput * emitted(self.scene, &hit, Some(partner), |_| 1.0);
-                }
                 if !start.indirect {
                     return found;
                 }
             }
             let shading = self.scene.shading_within(&hit, medium);
             if !shading.bsdf.is_delta() {
-                let segments = vertex.depth + depth + 1;
+                let segments = start.depth + depth + 1;
                 scratch.counters.gather_paths += 1;
                 scratch.counters.gather_path_segments += u64::from(segments);
                 let landing = Vertex {
@@ -231,7 +288,7 @@ impl PhotonMapIntegrator<'_> {
                     share: 0.0,
                     weight: start.weight * throughput.max_element(),
                     depth: segments,
-                    travelled: vertex.travelled + found.distance,
+                    travelled: start.travelled + found.distance,
                 };
                 let passed = throughput.max_element();
                 let survival = if depth == 0 && start.recursion < SURE_RECURSIONS {
@@ -279,6 +336,24 @@ impl PhotonMapIntegrator<'_> {
         }
         scratch.counters.truncated += 1;
         found
+    }
+
+    /// The density of the direction of a segment against which light sampling is weighted for the light `id`; `None` for light from
+    /// infinity. At the collision where the ray starts, light sampling chose the distance as well.
+    fn against_light(
+        &self,
+        start: &Start<'_>,
+        depth: u32,
+        partner: MisPartner,
+        id: Option<LightId>,
+    ) -> MisPartner {
+        match start.collided {
+            Some((collision, throughput)) if depth == 0 => {
+                let factor = self.direct.density_of_collision(collision, throughput, id);
+                MisPartner { pdf: partner.pdf * factor, ..partner }
+            }
+            _ => partner,
+        }
     }
 
     /// Radiance that leaves a surface on which a gather ray ends (Jensen 1996, sections 4 to 4.4). It is read from the global map,
@@ -363,7 +438,7 @@ impl PhotonMapIntegrator<'_> {
         if *survival < 1.0 && refreshed(u, GO_ON_OR_NOT) >= *survival {
             return Rgb::ZERO;
         }
-        let mut samples = SampleStream::new(key_of(at.hit, u), u64::from(*recursion), 0);
+        let mut samples = SampleStream::new(key_of(at.hit.point.position, u), u64::from(*recursion), 0);
         let directions = self.directions(at, scratch);
         let direct = self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch);
         let point = [samples.splits(1).get_4d(0)].into_iter();
@@ -404,7 +479,7 @@ impl PhotonMapIntegrator<'_> {
 
     /// Radiance of direct light that the diffuse lobe of a surface reflects.
     fn direct_at(&self, at: &Vertex<'_>, u: f32, scratch: &mut Scratch) -> Rgb {
-        let mut samples = SampleStream::new(key_of(at.hit, u), 0, 0);
+        let mut samples = SampleStream::new(key_of(at.hit.point.position, u), 0, 0);
         let directions = Directions::of_bsdf(at.shading);
         self.direct.radiance(at.hit, &directions, at.medium, &mut samples, scratch).diffuse
     }
@@ -419,8 +494,7 @@ impl PhotonMapIntegrator<'_> {
 }
 
 /// Seed of the random numbers at a point where a gather ray with the random number `u` ends.
-fn key_of(hit: &SurfaceInteraction, u: f32) -> u64 {
-    let p = hit.point.position;
+fn key_of(p: Vec3, u: f32) -> u64 {
     let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
     mix(mix(bits(p.x, p.y)) ^ bits(p.z, u))
 }

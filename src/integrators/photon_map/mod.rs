@@ -5,6 +5,7 @@ mod cache;
 mod gather;
 mod glossy;
 mod lookup;
+mod media;
 mod narrowing;
 mod receive;
 mod reuse;
@@ -25,8 +26,8 @@ use crate::film::{Aov, PixelSample};
 use crate::math::Rgb;
 use crate::media::MediumStack;
 use crate::photons::{
-    DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, PhotonMap, Query, SearchRegion,
-    ShadowMaps,
+    DirectionGuide, EstimateParams, IlluminationMaps, IrradianceMap, MediaMaps, PhotonMap, Query,
+    SearchRegion, ShadowMaps,
 };
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
@@ -136,6 +137,8 @@ pub struct PhotonMaps {
     pub caustic: Option<PhotonMap>,
     /// Photons summed up over objects with illumination maps; `None` where there are no such objects.
     pub illumination: Option<IlluminationMaps>,
+    /// Photons in media that scatter; empty where there are none.
+    pub media: MediaMaps,
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
     pub shadows: Option<ShadowMaps>,
 }
@@ -385,6 +388,9 @@ impl Integrator for PhotonMapIntegrator<'_> {
             max_depth: self.settings.max_depth,
             glossy_samples: self.settings.glossy_samples,
             samples_lights: true,
+            media: Some(&|stretch, throughput, samples, scratch| {
+                self.scattered_along(stretch, throughput, samples, scratch)
+            }),
         };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, samples: &mut SampleStream, scratch: &mut Scratch| {

@@ -73,6 +73,7 @@ impl Integrator for ShowPhotons<'_> {
             max_depth: self.settings.max_depth,
             glossy_samples: self.settings.glossy_samples,
             samples_lights: false,
+            media: None,
         };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]

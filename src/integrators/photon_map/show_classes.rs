@@ -79,8 +79,13 @@ impl<'a> ShowClasses<'a> {
 
 impl Integrator for ShowClasses<'_> {
     fn li(&self, ray: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
-        let walk =
-            Walk { scene: self.scene, max_depth: self.max_depth, glossy_samples: 1, samples_lights: false };
+        let walk = Walk {
+            scene: self.scene,
+            max_depth: self.max_depth,
+            glossy_samples: 1,
+            samples_lights: false,
+            media: None,
+        };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]
         })

@@ -9,7 +9,9 @@ use crate::math::Rgb;
 use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
-use crate::transport::{Arrival, Event, emitted, escaped, next_event};
+use crate::transport::{
+    Arrival, Event, Stretch, emitted, escaped, next_event, surface_through_media,
+};
 use std::cell::Cell;
 
 /// Parameters of following a camera ray.
@@ -22,7 +24,13 @@ pub(super) struct Walk<'a> {
     pub glossy_samples: u32,
     /// Whether lights are sampled at highly glossy lobes; emission that their rays hit then gets an MIS weight.
     pub samples_lights: bool,
+    /// Light that media scatter along a path; `None` where it is not needed.
+    pub media: Option<&'a ScatteredAlong<'a>>,
 }
+
+/// Radiance of the light that a stretch of a medium scatters, by part of the picture, from the throughput of a path at its start.
+pub(super) type ScatteredAlong<'a> =
+    dyn Fn(&Stretch<'_>, Rgb, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); 3] + 'a;
 
 /// Follows a camera ray through specular and highly glossy lobes. Calls `shade` at each surface that has a diffuse lobe, or a highly
 /// glossy one, at which lights are sampled. All light behind the first such lobe belongs to the specular part.
@@ -34,7 +42,7 @@ pub(super) fn walk_specular<const N: usize>(
     scratch: &mut Scratch,
     shade: &mut impl FnMut(&Vertex<'_>, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); N],
 ) -> PixelSample {
-    let Walk { scene, max_depth, glossy_samples, samples_lights } = walk;
+    let Walk { scene, max_depth, glossy_samples, samples_lights, media } = walk;
     let mut out = PixelSample::default();
     scratch.counters.camera_rays += 1;
     let mut branches = std::mem::take(&mut scratch.branches);
@@ -53,7 +61,22 @@ pub(super) fn walk_specular<const N: usize>(
             None if widened.get() && camera.has_widened(id, &ray) => 0.0,
             None => 1.0,
         };
-        let event = next_event(scene, &branch.ray, &mut branch.medium);
+        let event = if scene.scatters() {
+            let throughput = branch.throughput;
+            let u = samples.next_1d();
+            let passage = surface_through_media(scene, &branch.ray, &mut branch.medium, u, |stretch| {
+                let there = throughput * stretch.weight;
+                let Some(media) = media.filter(|_| there != Rgb::ZERO) else { return };
+                for (aov, radiance) in media(stretch, there, samples, scratch) {
+                    out.add(part(aov), there * radiance);
+                }
+            });
+            out.add(part(Aov::Emission), throughput * passage.emitted);
+            branch.throughput *= passage.weight;
+            passage.event
+        } else {
+            next_event(scene, &branch.ray, &mut branch.medium)
+        };
         let Event::Surface(arrival) = event else {
             let found = escaped(scene, branch.ray.direction, branch.partner, glint);
             out.add(part(Aov::Emission), branch.throughput * found);

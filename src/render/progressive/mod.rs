@@ -434,8 +434,8 @@ impl Statistics {
             light.merged += added.merged;
             light.dropped += added.dropped;
         }
-        (self.maps, self.irradiance_bytes, self.guide_bytes) =
-            (later.maps, later.irradiance_bytes, later.guide_bytes);
+        (self.maps, self.media, self.irradiance_bytes, self.guide_bytes) =
+            (later.maps, later.media, later.irradiance_bytes, later.guide_bytes);
         // A warning that differs from a known one only in its numbers is not repeated.
         let words = |text: &str| text.chars().filter(|c| !c.is_ascii_digit()).collect::<String>();
         for warning in later.warnings {
