@@ -8,6 +8,7 @@ mod caustics;
 mod density;
 mod direct;
 mod glass;
+mod media;
 mod rooms;
 mod stage;
 
@@ -170,6 +171,7 @@ pub fn validate(
     experiments.extend(rooms::experiments(device)?);
     experiments.extend(glass::experiments(device)?);
     experiments.extend(caustics::experiments(device)?);
+    experiments.extend(media::experiments(device)?);
     experiments.extend(density::experiments());
     observer.begin("validating", experiments.len() as u64 * seeds);
     let mut done = 0;

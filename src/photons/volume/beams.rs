@@ -201,29 +201,31 @@ impl BeamMap {
             for &id in ids {
                 let beam = &self.beams[id as usize / PIECES];
                 let along = beam.end - beam.start;
-                let whole = along.length();
-                let towards = along / whole;
-                let across = direction.cross(towards);
-                let sine_squared = across.length_squared();
-                // False for beams without a length too.
-                if !(sine_squared >= LEAST_SINE * LEAST_SINE) {
+                let across = direction.cross(along);
+                let (sine_squared, whole_squared) = (across.length_squared(), along.length_squared());
+                let offset = beam.start - origin;
+                let apart = offset.dot(across);
+                let [a, b] = self.widths_of(id);
+                let widest = a.max(b) * share;
+                // Most are too far away: found without a division. False for beams without a length too.
+                let is_near = apart * apart < widest * widest * sine_squared;
+                if !(is_near && sine_squared >= LEAST_SINE * LEAST_SINE * whole_squared) {
                     continue;
                 }
-                let offset = beam.start - origin;
-                // Distances along both lines to where they are nearest to each other.
-                let t = offset.cross(towards).dot(across) / sine_squared;
-                let s = offset.cross(direction).dot(across) / sine_squared;
+                let whole = whole_squared.sqrt();
+                // Distances along both lines to where they are nearest to each other; along the beam in pieces.
+                let t = offset.cross(along).dot(across) / sine_squared;
+                let at = offset.cross(direction).dot(across) / sine_squared * PIECES as f32;
                 let piece = id as usize % PIECES;
-                let at = s / whole * PIECES as f32;
                 // The last piece has the end of the beam.
                 let is_here = if piece == PIECES - 1 { at <= PIECES as f32 } else { at < (piece + 1) as f32 };
                 if !(t > 0.0 && t < length && at >= piece as f32 && is_here) {
                     continue;
                 }
-                let sine = sine_squared.sqrt();
-                let [a, b] = self.widths_of(id);
+                let s = at / PIECES as f32 * whole;
                 let width = (a + (b - a) * (at - piece as f32)) * share;
-                let x = offset.dot(across) / (sine * width);
+                let x = apart / (sine_squared.sqrt() * width);
+                let (sine, towards) = (sine_squared.sqrt() / whole, along / whole);
                 let rest = 1.0 - x * x;
                 if !(rest > 0.0) {
                     continue;

@@ -10,7 +10,7 @@ use crate::bsdf::{Bsdf, Conductor, Dielectric};
 use crate::scene::{Coverage, LayeredMaterial};
 use crate::scene_file::description::{MaterialDescription, MediumDescription, Named, VolumeDescription};
 use crate::textures::TextureSlot;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// Relative difference below which two indices belong to the same medium; an index this close to 1 is air.
@@ -23,6 +23,32 @@ pub(crate) struct Filling {
     pub absorption: DVec3,
     /// What scatters, absorbs and emits.
     pub volume: Option<VolumeDescription>,
+}
+
+/// A number for each filling, equal for equal ones.
+pub(crate) type FillingKey = [u64; 7];
+
+impl Filling {
+    /// The number of this filling.
+    pub(crate) fn key(&self) -> FillingKey {
+        let [a, b, c] = self.absorption.to_array().map(f64::to_bits);
+        let Some(VolumeDescription { coefficients, phase }) = self.volume else {
+            return [a, b, c, 0, 0, 0, 0];
+        };
+        let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
+        let (absorption, scattering) = (coefficients.absorption(), coefficients.scattering());
+        // Two values tell the phase functions apart that files name.
+        let [ahead, aside] = [Vec3::NEG_X, Vec3::Y].map(|wi| phase.eval(Vec3::X, wi));
+        [
+            a,
+            b,
+            c,
+            bits(absorption.x, absorption.y),
+            bits(absorption.z, scattering.x),
+            bits(scattering.y, scattering.z),
+            bits(ahead, aside),
+        ]
+    }
 }
 
 /// What determines the material of a shape.

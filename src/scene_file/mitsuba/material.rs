@@ -23,7 +23,7 @@ impl Importer<'_> {
         glow: Option<TextureSlot>,
     ) -> Finished {
         let is_shared = glow.is_none();
-        let key = (Rc::as_ptr(bsdf), within.absorption.to_array().map(f64::to_bits));
+        let key = (Rc::as_ptr(bsdf), within.key());
         if let (Some(known), true) = (self.materials.get(&key), is_shared) {
             return *known;
         }

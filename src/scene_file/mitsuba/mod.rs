@@ -31,7 +31,7 @@ use self::value::{Object, Value};
 use super::description::{Location, SceneDescription};
 use super::diagnostic::SceneFileError;
 use super::import::blank_scene;
-use super::import::material::Finished;
+use super::import::material::{FillingKey, Finished};
 use super::import::pictures::Pictures;
 use super::import::{
     self, Allow, error, facets, indices, paint, report, spectrum, surface, tessellate, text,
@@ -153,8 +153,8 @@ struct Importer<'a> {
     /// The material of shapes without one.
     usual_bsdf: Rc<Object>,
     surfaces: HashMap<*const Object, Surface>,
-    /// By object, and the bits of the interior's absorption.
-    materials: HashMap<(*const Object, [u64; 3]), Finished>,
+    /// By object and interior.
+    materials: HashMap<(*const Object, FillingKey), Finished>,
     groups: HashMap<*const Object, usize>,
     pictures: Pictures,
     depth: usize,

@@ -12,9 +12,10 @@ use super::surface::{Base, Surface};
 use super::tessellate;
 use super::text::shown;
 use super::value::{Object, Value};
+use crate::media::{Coefficients, Phase};
 use crate::scene_file::MeshReading;
 use crate::scene_file::description::{
-    EmissionDescription, GeometryDescription, InstanceDescription, MeshNormals, Named, ShapeDescription,
+    EmissionDescription, GeometryDescription, InstanceDescription, MeshNormals, Named, ShapeDescription, VolumeDescription,
 };
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::obj::read_obj_with;
@@ -184,13 +185,13 @@ impl Importer<'_> {
         }
         for (side, medium) in media {
             if side == "exterior" {
-                self.report.warn(object, "the medium around it is left out: air is around everything");
+                self.report.note(object, "the medium around it is that of the body that it is in");
                 continue;
             }
             let is_passed = matches!(surface.base, Base::Null | Base::Glass { .. } | Base::Border(..));
-            let inside = self.absorption(&medium)?;
+            let inside = self.filling(&medium)?;
             if is_passed {
-                found = inside.map(|absorption| Filling { absorption, volume: None });
+                found = inside;
             } else {
                 self.report
                     .note(object, "the medium in it is left out: its surface is not the border of one here");
@@ -199,8 +200,8 @@ impl Importer<'_> {
         Ok(found)
     }
 
-    /// The absorption of a medium, 1/m; `None` for an unsupported medium.
-    fn absorption(&mut self, object: &Rc<Object>) -> Result<Option<DVec3>, Fault> {
+    /// What a medium absorbs and scatters; `None` for an unsupported medium.
+    fn filling(&mut self, object: &Rc<Object>) -> Result<Option<Filling>, Fault> {
         if object.plugin != "homogeneous" {
             self.report.warn(object, "media that vary in space are not modelled, and left out");
             return Ok(None);
@@ -217,17 +218,48 @@ impl Importer<'_> {
             self.report
                 .warn(object, format!("the material `{}` is not known: its numbers count", shown(name)));
         }
-        self.parts(object, "phase")?;
+        let phase = self.phase(object)?;
         self.ignore(
             object,
             &["sample_emitters", "has_spectral_extinction", "strategy"],
             "sampling is another",
         );
         self.finish(object, &["scale", "sigma_a", "sigma_s", "sigma_t", "albedo"])?;
-        if scattered != DVec3::ZERO {
-            self.report.warn(object, "scattering is not modelled: it only absorbs");
+        let [absorbed, scattered] = [absorbed, scattered].map(|value| (value * scale).max(DVec3::ZERO));
+        if scattered == DVec3::ZERO {
+            return Ok(Some(Filling { absorption: absorbed, volume: None }));
         }
-        Ok(Some((absorbed * scale).max(DVec3::ZERO)))
+        match Coefficients::new(absorbed.as_vec3(), scattered.as_vec3()) {
+            Ok(coefficients) => {
+                let volume = Some(VolumeDescription { coefficients, phase });
+                Ok(Some(Filling { absorption: DVec3::ZERO, volume }))
+            }
+            Err(error) => fail(&object.place, error.to_string(), "write coefficients that are finite"),
+        }
+    }
+
+    /// The phase function of a medium.
+    fn phase(&mut self, object: &Rc<Object>) -> Result<Phase, Fault> {
+        let parts = self.parts(object, "phase")?;
+        let Some(part) = parts.first() else { return Ok(Phase::Isotropic) };
+        let phase = match part.plugin.as_str() {
+            "isotropic" => Phase::Isotropic,
+            "rayleigh" => Phase::Rayleigh,
+            "hg" => {
+                let g = part.float_or("g", 0.8)?;
+                match Phase::henyey_greenstein(g as f32) {
+                    Ok(phase) => phase,
+                    Err(error) => return fail(&part.place, error.to_string(), "choose another `g`"),
+                }
+            }
+            _ => {
+                let text = format!("the phase function `{}` is not modelled: isotropic instead", shown(&part.plugin));
+                self.report.warn(&**part, text);
+                return Ok(Phase::Isotropic);
+            }
+        };
+        self.finish(part, &["g"])?;
+        Ok(phase)
     }
 
     /// The form of a shape, with the vertex data that its material needs.

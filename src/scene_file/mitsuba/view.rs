@@ -191,7 +191,7 @@ impl Importer<'_> {
             self.report.warn(object, "`srf` is not modelled: colours are red, green and blue");
         }
         if !self.parts(object, "medium")?.is_empty() {
-            self.report.warn(object, "the medium around the camera is left out");
+            self.report.note(object, "the medium around the camera is that of the body that it is in");
         }
         let known = ["to_world", "fov", "fov_axis", "focal_length", "focus_distance", "aperture_radius"];
         self.finish(object, &known)?;
