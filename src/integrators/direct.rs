@@ -195,11 +195,8 @@ impl<'a> DirectLighting<'a> {
             };
             if let Some(arriving) = transmittance_in_media(self.scene, &ray, collision.stretch.medium) {
                 let is_alone = self.scene.lights()[light as usize].is_delta() || !phase_sampling;
-                let weight = if is_alone {
-                    1.0
-                } else {
-                    power_heuristic(sample.pdf_solid_angle * probability, phase)
-                };
+                let weight =
+                    if is_alone { 1.0 } else { power_heuristic(sample.pdf_solid_angle * probability, phase) };
                 sum += sample.radiance_over_pdf * arriving * (phase * weight / probability);
             }
         };

@@ -36,6 +36,22 @@ pub enum MemoryError {
         /// Bytes that are free.
         available: u64,
     },
+    /// More photons in media than the machine has memory for.
+    #[error(
+        "{beams} beams and {photons} photons in media take {:.1} GB of memory, and {:.1} GB are available: ask for fewer \
+         (--volume-beams, --volume-photons)",
+        *.needed as f64 / 1e9, *.available as f64 / 1e9
+    )]
+    Media {
+        /// Beams asked for.
+        beams: u64,
+        /// Photons at points asked for.
+        photons: u64,
+        /// Bytes that they take at the peak.
+        needed: u64,
+        /// Bytes that are free.
+        available: u64,
+    },
     /// A scene that, all parts together, exceeds the limit or the free memory.
     #[error(
         "{} takes {} {}: {}; and {} {}; {}",

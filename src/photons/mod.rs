@@ -41,8 +41,8 @@ pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_depos
 pub use irradiance::{DirectLight, IrradianceMap, PointIrradiance};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use pass::{
-    CausticSurvey, PhotonsFor, TracedPhotons, record_photon_rays, survey_caustics, trace_photons,
-    trace_photons_alone, trace_media_photons, trace_photons_for,
+    CausticSurvey, PhotonsFor, TracedPhotons, record_photon_rays, survey_caustics, trace_media_photons,
+    trace_photons, trace_photons_alone, trace_photons_for,
 };
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
 pub use projection_picture::{ProjectionPicture, projection_picture};

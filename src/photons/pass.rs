@@ -144,13 +144,15 @@ pub fn trace_media_photons(
     let targets = scene.targets().iter().filter(is_bounding).map(|target| Target { density: 1.0, ..*target });
     let goals = Goals::towards(scene, &targets.collect::<Vec<_>>());
     let sources = Sources::with_goals(scene, &goals, half.stored, true, budget);
-    let mut traced = trace_from(scene, &half, (&sources, u64::MAX), wanted, Starts::AtMedia(&bounding), progress)?;
+    let mut traced =
+        trace_from(scene, &half, (&sources, u64::MAX), wanted, Starts::AtMedia(&bounding), progress)?;
     // No more than give each of them the same power: where few get to media, they bring little light.
     let flux = sources.importance();
     let sources = Sources::new(scene, (half.kind, half.stored), true, budget);
     let most = (traced.emitted as f64 * sources.importance() / flux).ceil();
     let most = if most.is_finite() { (most as u64).max(half.stored) } else { u64::MAX };
-    let mut others = trace_from(scene, &half, (&sources, most), wanted, Starts::Elsewhere(&bounding), progress)?;
+    let mut others =
+        trace_from(scene, &half, (&sources, most), wanted, Starts::Elsewhere(&bounding), progress)?;
     let mut records = std::mem::take(&mut traced.media);
     let emitted = traced.emitted.max(1);
     let factor = emitted as f64 / others.emitted.max(1) as f64;
@@ -169,7 +171,10 @@ fn bounding_media(scene: &Scene) -> Vec<bool> {
     let scatters = |id: MediumId| scene.medium(id).volume.is_some();
     let bounds_medium = |surface: &Surface| {
         surface.all_materials().any(|material| {
-            scene.materials()[material as usize].1.media().is_some_and(|media| media.into_iter().any(scatters))
+            scene.materials()[material as usize]
+                .1
+                .media()
+                .is_some_and(|media| media.into_iter().any(scatters))
         })
     };
     scene.surfaces().iter().map(bounds_medium).collect()
@@ -364,8 +369,17 @@ impl Pass<'_> {
         let emitted: u64 = shares.iter().sum();
         let Self { scene, settings, sources, receivers, in_media, starts, .. } = *self;
         let reached = no_surfaces(scene, settings.kind);
-        let batch =
-            Batch { scene, settings, sources, receivers, stream, in_media, starts, shares, reached: &reached };
+        let batch = Batch {
+            scene,
+            settings,
+            sources,
+            receivers,
+            stream,
+            in_media,
+            starts,
+            shares,
+            reached: &reached,
+        };
         let mut tasks = Vec::new();
         for (light, &share) in batch.shares.iter().enumerate() {
             let size = chunk.unwrap_or(share.div_ceil(REPLICAS)).max(1);

@@ -163,7 +163,12 @@ impl Batch<'_> {
         };
         let mut tally = PhotonTally::default();
         let Some(source) = self.sources.emitter(light) else {
-            return Traced { photons: Vec::new(), surfaces: Vec::new(), media: MediaRecords::default(), tally };
+            return Traced {
+                photons: Vec::new(),
+                surfaces: Vec::new(),
+                media: MediaRecords::default(),
+                tally,
+            };
         };
         let media = self.sources.media(light);
         let seed = mix(self.settings.seed ^ mix((self.stream as u64) << 32 | light as u64));
@@ -323,12 +328,7 @@ impl Flight {
     ///
     /// The light of a specular chain is not scattered in a pass for caustics: it crosses media as beams.
     #[inline(never)]
-    fn advance_in_media(
-        &mut self,
-        pass: &Batch<'_>,
-        photons: &mut Stored,
-        tally: &mut PhotonTally,
-    ) -> bool {
+    fn advance_in_media(&mut self, pass: &Batch<'_>, photons: &mut Stored, tally: &mut PhotonTally) -> bool {
         let (scene, ray, arriving) = (pass.scene, self.ray, self.power);
         let u = self.rng.next_f32();
         let mut in_media = false;
@@ -449,7 +449,8 @@ impl Flight {
     ) -> bool {
         let shading = pass.scene.shading_within(hit, self.medium);
         let keeps = !pass.in_media;
-        if keeps && shading.bsdf.has_diffuse() || keeps && pass.receivers.binary_search(&hit.surface).is_ok() {
+        if keeps && shading.bsdf.has_diffuse() || keeps && pass.receivers.binary_search(&hit.surface).is_ok()
+        {
             // Photon density on the surface includes the cosine at the geometric normal; the reflected light has the
             // cosine at the shading normal.
             let at = (hit.surface, hit.point.position, hit.facing_normal());

@@ -14,10 +14,9 @@ use crate::lights::LightId;
 use crate::memory::MemoryError;
 use crate::observer::Observer;
 use crate::photons::{
-    MediaSizes,
-    Deposit, DirectLight, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, PhotonClass,
-    PhotonClasses, PhotonMap, PhotonTally, PhotonsFor, TraceSettings, TracedPhotons, build_shadow_maps,
-    split_deposits, trace_media_photons, trace_photons_for,
+    Deposit, DirectLight, DirectionGuide, EstimateParams, GuideParams, IlluminationMaps, Kernel, MediaSizes,
+    PhotonClass, PhotonClasses, PhotonMap, PhotonTally, PhotonsFor, TraceSettings, TracedPhotons,
+    build_shadow_maps, split_deposits, trace_media_photons, trace_photons_for,
 };
 use crate::scene::{MapKind, RenderPlan, Scene};
 use glam::Vec3;
@@ -379,10 +378,11 @@ impl MapBuilder<'_> {
             MapKind::Global => &budget.global[..],
             MapKind::Caustic => &budget.caustic[..],
         });
-        let traced = trace_media_photons(scene, &trace, budget, &mut self.pass.maps.media, &|done, total| {
-            observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
-            !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
-        })?;
+        let traced =
+            trace_media_photons(scene, &trace, budget, &mut self.pass.maps.media, &|done, total| {
+                observer.advance((done as f64 / total as f64 * wanted as f64) as u64);
+                !observer.is_cancelled() && end.is_none_or(|end| Instant::now() < end)
+            })?;
         let statistics = self.pass.media.get_or_insert_default();
         let MediaSizes { beams, points, bytes } = self.pass.maps.media.sizes();
         (statistics.beams, statistics.points, statistics.bytes) = (beams, points, bytes);

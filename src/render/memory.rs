@@ -15,6 +15,12 @@ const BUILD_BYTES: f64 = 40.5;
 /// Bytes of precomputed irradiance per photon of a map.
 const IRRADIANCE_BYTES: f64 = 27.0 / super::maps::IRRADIANCE_STRIDE as f64;
 
+/// Peak bytes per beam in a medium: the record, 16 pieces with their middles and the tree over them, and the point where it collides.
+const BEAM_BYTES: f64 = 1000.0;
+
+/// Peak bytes per photon at a point of a medium.
+const POINT_BYTES: f64 = 130.0;
+
 /// Photons to store in each map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct PhotonCounts {
@@ -86,7 +92,18 @@ impl PhotonCounts {
     /// # Errors
     /// If they cannot. The error names the photons, their memory, and a remedy.
     pub fn check(self, settings: &Settings, plan: &RenderPlan) -> Result<(), MemoryError> {
-        self.check_against(Precomputed::of(settings, plan), available_memory())
+        let available = available_memory();
+        self.check_against(Precomputed::of(settings, plan), available)?;
+        let asked = |build: bool, count: u64| if build { count } else { 0 };
+        let beams = asked(plan.volume_caustics.build, settings.volume_beams);
+        let photons = asked(plan.volume_map.build, settings.volume_photons);
+        let needed = (beams as f64 * BEAM_BYTES + photons as f64 * POINT_BYTES) as u64;
+        match available {
+            Some(available) if needed > available => {
+                Err(MemoryError::Media { beams, photons, needed, available })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn check_against(self, irradiance: Precomputed, available: Option<u64>) -> Result<(), MemoryError> {

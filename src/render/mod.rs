@@ -38,5 +38,6 @@ pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps}
 pub use settings::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, Settings, ShadowMode, Show};
 pub use stats::{
     AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, MediaStatistics,
-    MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics, Times,
+    MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics,
+    Times,
 };

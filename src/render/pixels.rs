@@ -92,7 +92,9 @@ pub enum RenderError {
     )]
     TargetWithoutRounds,
     /// The scene has a medium that emits light and the settings use photons.
-    #[error("the medium `{0}` emits light, which --integrator path alone renders: photons do not start in media")]
+    #[error(
+        "the medium `{0}` emits light, which --integrator path alone renders: photons do not start in media"
+    )]
     Glowing(String),
     /// The render cannot be resumed.
     #[error(transparent)]

@@ -104,7 +104,7 @@ settings! {
 
     /// Photon beams to store in media that scatter, for caustics. About 150 bytes each; time in proportion.
     volume_beams: u64 {
-        kind: PHOTONS,
+        kind: Kind::Count { least: 0, most: 200_000_000 },
         unit: "beams",
         group: Photons,
         presets: [6_000, 20_000, 60_000, 200_000],
@@ -114,7 +114,7 @@ settings! {
 
     /// Photons to store in media for light that was scattered before. 22 bytes each; time in proportion.
     volume_photons: u64 {
-        kind: PHOTONS,
+        kind: Kind::Count { least: 0, most: 1 << 31 },
         unit: "photons",
         group: Photons,
         presets: [30_000, 100_000, 300_000, 1_000_000],

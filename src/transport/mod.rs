@@ -10,5 +10,8 @@ mod visibility;
 
 pub use emission::{MisPartner, emission_along, emitted, escaped, power_heuristic, receiver};
 pub use event::{Arrival, Event, next_event};
-pub use media::{Collision, Passage, Stretch, first_surface, next_event_in_media, surface_through_media, transmittance_in_media};
+pub use media::{
+    Collision, Passage, Stretch, first_surface, next_event_in_media, surface_through_media,
+    transmittance_in_media,
+};
 pub use visibility::{attenuation, shadow_ray, transmittance};

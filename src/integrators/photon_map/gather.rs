@@ -175,9 +175,10 @@ impl PhotonMapIntegrator<'_> {
             let start = Start {
                 ray: vertex.hit.spawn(direction),
                 medium,
-                partner: self
-                    .bsdf_sampling
-                    .then(|| MisPartner { from: receiver(self.scene, vertex.hit), pdf: sample.pdf_solid_angle }),
+                partner: self.bsdf_sampling.then(|| MisPartner {
+                    from: receiver(self.scene, vertex.hit),
+                    pdf: sample.pdf_solid_angle,
+                }),
                 collided: None,
                 indirect: wanted,
                 recursion,

@@ -9,9 +9,7 @@ use crate::math::Rgb;
 use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
-use crate::transport::{
-    Arrival, Event, Stretch, emitted, escaped, next_event, surface_through_media,
-};
+use crate::transport::{Arrival, Event, Stretch, emitted, escaped, next_event, surface_through_media};
 use std::cell::Cell;
 
 /// Parameters of following a camera ray.

@@ -230,7 +230,8 @@ impl BeamMap {
                 if !(rest > 0.0) {
                     continue;
                 }
-                let mut weight = phase.eval(-direction, -towards) * (15.0 / 16.0) * rest * rest / (width * sine);
+                let mut weight =
+                    phase.eval(-direction, -towards) * (15.0 / 16.0) * rest * rest / (width * sine);
                 if !is_homogeneous {
                     let place = line.at(t.into());
                     weight *= volume.density().at(place) as f32;
@@ -241,7 +242,9 @@ impl BeamMap {
                     found *= fade.at(s + t);
                 } else {
                     found *= fade.at(t);
-                    if has_closed_form && let Some(line) = Line::new(beam.start.as_dvec3(), towards.as_dvec3()) {
+                    if has_closed_form
+                        && let Some(line) = Line::new(beam.start.as_dvec3(), towards.as_dvec3())
+                    {
                         found *= volume.exact_transmittance(&line, s.into()).unwrap_or(Rgb::ONE);
                     }
                 }

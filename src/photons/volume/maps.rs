@@ -134,7 +134,13 @@ impl MediaMaps {
     }
 
     /// Light of photons that a medium scatters at a place towards `wo`: radiance per unit of length, over the scattering coefficient there.
-    pub fn at(&self, medium: MediumId, volume: &Volume, (position, wo): (Vec3, Vec3), area: f32) -> MediaLight {
+    pub fn at(
+        &self,
+        medium: MediumId,
+        volume: &Volume,
+        (position, wo): (Vec3, Vec3),
+        area: f32,
+    ) -> MediaLight {
         let Some(maps) = self.media.get(&medium) else { return MediaLight::default() };
         let scattering = volume.coefficients().scattering() * volume.density().at(position.as_dvec3()) as f32;
         let light = |map: &Option<PointMap>| {

@@ -6,8 +6,8 @@ use super::fade::Fade;
 use super::nearest::Nearest;
 use super::record::PointRecord;
 use crate::math::{Rgb, Rgbe, octahedral_decode, octahedral_encode};
-use crate::media::density::Line;
 use crate::media::Phase;
+use crate::media::density::Line;
 use crate::sampling::{Rng, Stream};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -153,7 +153,8 @@ impl Block {
 fn share_of_disc(c: f32) -> f32 {
     let rest = (1.0 - c * c).max(0.0);
     let root = rest.sqrt();
-    let integral = c * root * (rest * rest / 6.0 + 5.0 / 24.0 * rest + 5.0 / 16.0) + 5.0 / 16.0 * c.clamp(-1.0, 1.0).asin();
+    let integral = c * root * (rest * rest / 6.0 + 5.0 / 24.0 * rest + 5.0 / 16.0)
+        + 5.0 / 16.0 * c.clamp(-1.0, 1.0).asin();
     0.5 + 16.0 / 5.0 * FRAC_1_PI * integral
 }
 

@@ -46,7 +46,14 @@ const LEAST_LEFT: f32 = 1e-6;
 impl MediaRecords {
     /// Records the light of a specular chain over a stretch: as beams, and as a point where it collides, for rays that are nearly parallel
     /// to the beam. `power` is that at the start of the ray, `reach` the distance to the farthest end of the scene.
-    pub(in crate::photons) fn cross(&mut self, ray: &Ray, stretch: &Stretch<'_>, power: Rgb, reach: f64, rng: &mut Rng) {
+    pub(in crate::photons) fn cross(
+        &mut self,
+        ray: &Ray,
+        stretch: &Stretch<'_>,
+        power: Rgb,
+        reach: f64,
+        rng: &mut Rng,
+    ) {
         let power = power * stretch.weight;
         let volume = stretch.volume;
         if !(power.max_element() > 0.0) || volume.coefficients().scattering() == Rgb::ZERO {
@@ -55,6 +62,9 @@ impl MediaRecords {
         let medium = stretch.medium.medium();
         let length = stretch.length.min(reach);
         let at = |t: f64| stretch.line.at(t).as_vec3();
+        if !(power.is_finite() && length.is_finite()) {
+            return;
+        }
         if volume.density().depth(&stretch.line, 0.0).is_some() {
             let visible = self.visible_length(stretch, length);
             self.beams.push(BeamRecord { medium, start: at(0.0), end: at(visible), power });
@@ -73,7 +83,7 @@ impl MediaRecords {
 
     /// Records a photon where a medium scatters it; `power` contains the albedo.
     pub(in crate::photons) fn scatter(&mut self, ray: &Ray, collision: &Collision<'_>, power: Rgb) {
-        if power.max_element() > 0.0 {
+        if power.max_element() > 0.0 && power.is_finite() {
             let medium = collision.stretch.medium.medium();
             let position = collision.position;
             self.points.push(PointRecord { medium, position, wi: -ray.direction, power });
@@ -82,9 +92,8 @@ impl MediaRecords {
 
     /// Length of the part of a stretch after which nothing visible is left.
     fn visible_length(&self, stretch: &Stretch<'_>, length: f64) -> f64 {
-        let left = |t: f64| {
-            stretch.volume.exact_transmittance(&stretch.line, t).unwrap_or(Rgb::ONE).max_element()
-        };
+        let left =
+            |t: f64| stretch.volume.exact_transmittance(&stretch.line, t).unwrap_or(Rgb::ONE).max_element();
         if !(left(length) < LEAST_LEFT) {
             return length;
         }

@@ -4,6 +4,8 @@ use super::mitsuba_scene_within;
 use super::tests::{layered, material, read, scene};
 use crate::bsdf::{Body, Bsdf};
 use crate::math::Rgb;
+use crate::math::Rgb;
+use crate::media::Phase;
 use crate::memory::MemoryEstimate;
 use crate::scene::Coverage;
 use crate::scene_file::description::{GeometryDescription, MaterialDescription};
@@ -48,8 +50,17 @@ fn an_interior_absorbs() {
     // A null surface without a medium inside adds no shape.
     assert_eq!(scene.shapes.len(), 2);
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
-    let scene = glass("<rgb name=\"sigma_t\" value=\"2\"/><float name=\"albedo\" value=\"0.5\"/>");
-    assert!(scene.warnings.iter().any(|warning| warning.message.contains("scattering")));
+    let scene = glass(
+        "<rgb name=\"sigma_t\" value=\"2\"/><float name=\"albedo\" value=\"0.75\"/><phase type=\"hg\"><float name=\"g\" value=\"0.5\"/></phase>",
+    );
+    let volumes: Vec<_> = scene.media.iter().filter_map(|medium| medium.value.volume.clone()).collect();
+    assert_eq!(volumes.len(), 2, "{volumes:?}");
+    for volume in volumes {
+        assert_eq!(volume.coefficients.absorption(), Rgb::splat(0.5));
+        assert_eq!(volume.coefficients.scattering(), Rgb::splat(1.5));
+        assert_eq!(volume.phase, Phase::henyey_greenstein(0.5).unwrap());
+    }
+    assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
 }
 
 #[test]

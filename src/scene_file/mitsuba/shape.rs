@@ -15,7 +15,8 @@ use super::value::{Object, Value};
 use crate::media::{Coefficients, Phase};
 use crate::scene_file::MeshReading;
 use crate::scene_file::description::{
-    EmissionDescription, GeometryDescription, InstanceDescription, MeshNormals, Named, ShapeDescription, VolumeDescription,
+    EmissionDescription, GeometryDescription, InstanceDescription, MeshNormals, Named, ShapeDescription,
+    VolumeDescription,
 };
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::obj::read_obj_with;
@@ -253,7 +254,10 @@ impl Importer<'_> {
                 }
             }
             _ => {
-                let text = format!("the phase function `{}` is not modelled: isotropic instead", shown(&part.plugin));
+                let text = format!(
+                    "the phase function `{}` is not modelled: isotropic instead",
+                    shown(&part.plugin)
+                );
                 self.report.warn(&**part, text);
                 return Ok(Phase::Isotropic);
             }
