@@ -32,7 +32,7 @@ impl Filling {
     /// The number of this filling.
     pub(crate) fn key(&self) -> FillingKey {
         let [a, b, c] = self.absorption.to_array().map(f64::to_bits);
-        let Some(VolumeDescription { coefficients, phase }) = self.volume else {
+        let Some(VolumeDescription { coefficients, phase, .. }) = &self.volume else {
             return [a, b, c, 0, 0, 0, 0];
         };
         let bits = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());

@@ -4,7 +4,6 @@ use super::mitsuba_scene_within;
 use super::tests::{layered, material, read, scene};
 use crate::bsdf::{Body, Bsdf};
 use crate::math::Rgb;
-use crate::math::Rgb;
 use crate::media::Phase;
 use crate::memory::MemoryEstimate;
 use crate::scene::Coverage;

@@ -232,7 +232,7 @@ impl Importer<'_> {
         }
         match Coefficients::new(absorbed.as_vec3(), scattered.as_vec3()) {
             Ok(coefficients) => {
-                let volume = Some(VolumeDescription { coefficients, phase });
+                let volume = Some(VolumeDescription::even(coefficients, phase));
                 Ok(Some(Filling { absorption: DVec3::ZERO, volume }))
             }
             Err(error) => fail(&object.place, error.to_string(), "write coefficients that are finite"),
