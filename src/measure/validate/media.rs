@@ -73,7 +73,7 @@ fn slab(medium: &str, thickness: f64, exact: f64, paths: u32) -> Seen {
     );
     let what = format!("reflectance of a slab of {thickness} m, {}", medium.replace('\n', ", "));
     // Few photons have a direction that matters to a sharp phase function.
-    let photons = (!medium.contains("g = ")).then_some((32, 100_000));
+    let photons = (!medium.contains("g = ")).then_some((8, 25_000));
     Seen { what, text, exact, paths: (paths, None), photons }
 }
 
@@ -112,9 +112,9 @@ pub(super) fn experiments(device: &Arc<Device>) -> Result<Vec<Experiment>, Valid
         slab("scattering = 0.9\nabsorption = 0.1", 2.0, 0.361_649, 64),
         slab("scattering = 0.5\nabsorption = 0.5", 1.0, 0.099_119, 128),
         slab("albedo = 0.9\nmean-free-path = 1.0\ng = 0.75", 2.0, 0.097_395, 256),
-        furnace("scattering = 3.0", "furnace", 1.0, Some((8, 50_000))),
-        furnace("scattering = [0.1, 1.0, 10.0]\nphase = \"rayleigh\"", "furnace", 1.0, Some((8, 50_000))),
-        furnace("ior = 1.33\nscattering = 2.0\ng = 0.5", "furnace", 1.0, Some((8, 50_000))),
+        furnace("scattering = 3.0", "furnace", 1.0, Some((4, 20_000))),
+        furnace("scattering = [0.1, 1.0, 10.0]\nphase = \"rayleigh\"", "furnace", 1.0, None),
+        furnace("ior = 1.33\nscattering = 2.0\ng = 0.5", "furnace", 1.0, Some((4, 20_000))),
         furnace("scattering = 1.0\nabsorption = 2.0\nemission = 2.0", "furnace", 1.0, None),
         glow(1e-6),
         glow(0.1),
