@@ -98,15 +98,15 @@ impl<'a> DirectLighting<'a> {
         Reflected { diffuse: sum.diffuse / count, glossy: sum.glossy / count }
     }
 
-    /// Radiance of direct light that a stretch of a path scatters, at the start of the stretch and divided by its weight. One point and
-    /// one shadow ray are sampled for each light. Points are sampled near the light and where the path is likely to collide (Kulla &
+    /// Radiance of direct light that a stretch of a path scatters, at the start of the stretch and divided by its weight. For each
+    /// light, a number of `places` and one shadow ray from each are sampled. Points are sampled near the light and where the path is likely to collide (Kulla &
     /// Fajardo 2012), and weighted against collisions of the path followed by a direction of the phase function where the path continues so
     /// (`phase_sampling`). `throughput` is that of
     /// the path at the start of the stretch.
     pub fn scattered(
         &self,
         stretch: &Stretch<'_>,
-        (throughput, phase_sampling): (Rgb, bool),
+        (throughput, phase_sampling, places): (Rgb, bool, u32),
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Rgb {
@@ -115,23 +115,28 @@ impl<'a> DirectLighting<'a> {
             return sum;
         }
         let choice = self.scene.light_choice();
-        for &light in choice.each() {
-            let [way, u] = samples.next_2d().to_array();
-            let u_light = samples.next_2d();
-            let Some(distances) = stretch.distances(self.anchor(light), throughput) else { continue };
-            let at = distances.sample(way.into(), u.into());
-            sum += self.scattered_at(stretch, (at, phase_sampling), (light, 1.0, u_light), scratch);
+        for place in 0..places {
+            // One place in each part of the range of distances.
+            let within = |u: f32| (f64::from(place) + f64::from(u)) / f64::from(places);
+            for &light in choice.each() {
+                let [way, u] = samples.next_2d().to_array();
+                let u_light = samples.next_2d();
+                let Some(distances) = stretch.distances(self.anchor(light), throughput) else { continue };
+                let at = distances.sample(way.into(), within(u));
+                sum += self.scattered_at(stretch, (at, phase_sampling), (light, 1.0, u_light), scratch);
+            }
+            for group in choice.groups() {
+                let [way, u] = samples.next_2d().to_array();
+                let (choices, u_light) = (refined(samples.next_2d()), samples.next_2d());
+                let Some(distances) = stretch.distances(None, throughput) else { continue };
+                let at = distances.sample(way.into(), within(u));
+                let from = in_medium(stretch.line.at(at.t).as_vec3());
+                let Some((light, probability)) = group.sample(&from, choices) else { continue };
+                sum +=
+                    self.scattered_at(stretch, (at, phase_sampling), (light, probability, u_light), scratch);
+            }
         }
-        for group in choice.groups() {
-            let [way, u] = samples.next_2d().to_array();
-            let (choices, u_light) = (refined(samples.next_2d()), samples.next_2d());
-            let Some(distances) = stretch.distances(None, throughput) else { continue };
-            let at = distances.sample(way.into(), u.into());
-            let from = in_medium(stretch.line.at(at.t).as_vec3());
-            let Some((light, probability)) = group.sample(&from, choices) else { continue };
-            sum += self.scattered_at(stretch, (at, phase_sampling), (light, probability, u_light), scratch);
-        }
-        sum
+        sum / places as f32
     }
 
     /// [`Self::scattered`] at a sampled distance, for a light that was chosen with a given probability.

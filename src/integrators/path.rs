@@ -206,7 +206,7 @@ impl<'a> PathTracer<'a> {
         let passage =
             next_event_in_media(self.scene, &state.ray, &mut state.medium, (throughput, u), |stretch| {
                 let there = throughput * stretch.weight;
-                let direct = self.direct.scattered(stretch, (there, true), samples, scratch);
+                let direct = self.direct.scattered(stretch, (there, true, 1), samples, scratch);
                 out.add(direct_part, there * direct);
             });
         out.add(state.class.part(), throughput * passage.emitted);

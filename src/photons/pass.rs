@@ -72,6 +72,9 @@ const LARGEST_SHARE: f64 = 0.125;
 /// Largest number of emitted photons for each stored one. Where more would be needed, fewer photons are stored.
 const MOST_EMITTED_PER_STORED: f64 = 2000.0;
 
+/// The same for photons in media, of which each may cross several bodies.
+const MOST_EMITTED_IN_MEDIA: f64 = 64.0;
+
 /// If one in [`MOST_EMITTED_PER_STORED`] photons is stored, then a pass of this many times as many photons stores none
 /// with probability e^-20.
 const SURE: f64 = 20.0;
@@ -219,7 +222,8 @@ fn trace_from(
     if prepass.stopped || prepass.len() == 0 {
         return Some(prepass);
     }
-    let emitted = (settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED)).min(most as f64);
+    let most_per_stored = if in_media { MOST_EMITTED_IN_MEDIA } else { MOST_EMITTED_PER_STORED };
+    let emitted = (settings.stored as f64 * per_stored.min(most_per_stored)).min(most as f64);
     let stream = match (settings.kind, in_media) {
         (MapKind::Caustic, false) => Stream::CausticPhotons,
         (MapKind::Caustic, true) => Stream::VolumeBeams,

@@ -343,6 +343,8 @@ struct Facts {
     lambert: usize,
     specular: usize,
     glossy: usize,
+    /// Whether media scatter and no surface casts caustics: the borders that seem specular are null interfaces.
+    only_null: bool,
     absorbing: usize,
     wide_lights: usize,
     geometry: Vec<String>,
@@ -362,6 +364,7 @@ impl Facts {
             }),
             specular: count(Material::is_specular),
             glossy: count(Material::has_glossy),
+            only_null: scene.scatters() && scene.casters().is_empty(),
             absorbing: scene.media().iter().filter(|medium| medium.absorbs()).count(),
             wide_lights: scene.lights().iter().filter(|light| light.needs_bsdf_sampling()).count(),
             geometry: geometry_kinds(scene),
@@ -386,6 +389,7 @@ impl Facts {
             IntegratorKind::Photons if show != MapKind::Caustic => Decision::no("the other map is shown"),
             _ if !self.lit => Decision::no("there is no light"),
             _ if self.specular == 0 => Decision::no("no specular surface, so there are no caustics"),
+            _ if self.only_null => Decision::no("all borders of media have the same index on both sides"),
             _ if self.diffuse == 0 => Decision::no("there is no diffuse surface to store photons on"),
             IntegratorKind::PhotonMap | IntegratorKind::Photons | IntegratorKind::Progressive => {
                 Decision::yes(format!("{} specular surface(s) cast caustics", self.specular))

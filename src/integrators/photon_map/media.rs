@@ -12,6 +12,9 @@ use crate::sampling::SampleStream;
 use crate::transport::{Collision, MisPartner, Stretch};
 use glam::{Vec2, Vec3};
 
+/// Places on each stretch from which lights are sampled: what the shadow rays cost is little beside the search for photons.
+const PLACES: u32 = 4;
+
 impl PhotonMapIntegrator<'_> {
     /// Radiance that arrives at the start of a stretch of a path from the eye of the light scattered on it, over the weight of the stretch,
     /// by part of the picture. `throughput` is that of the path at the start of the stretch.
@@ -25,7 +28,7 @@ impl PhotonMapIntegrator<'_> {
         scratch.counters.media_lookups += 1;
         let area = self.kernel_area();
         let reads = self.maps.media.reading(stretch.medium.medium(), stretch.volume, area) == Reading::Along;
-        let direct = self.direct.scattered(stretch, (throughput, !reads), samples, scratch);
+        let direct = self.direct.scattered(stretch, (throughput, !reads, PLACES), samples, scratch);
         let light = self.maps.media.along(stretch, area, reads);
         let followed =
             if reads { Gain::default() } else { self.followed(stretch, throughput, samples, scratch) };
