@@ -269,7 +269,7 @@ fn photons_in_media_show_what_is_tabled() {
         ("scattering = [0.1, 1.0, 10.0]\nphase = \"rayleigh\"", 80_000),
         ("ior = 1.33\nscattering = 2.0\ng = 0.5", 20_000),
         // Too dense for its photons, and too sharp.
-        ("scattering = 20.0", 60_000),
+        ("scattering = 20.0", 100_000),
         ("scattering = 10.0\ng = 0.999", 10_000),
     ] {
         assert_maps_show(medium, &furnace(medium), (&maps(8, photons), 8), 1.0);
@@ -362,7 +362,9 @@ fn rounds_in_fog_agree_and_repeat() {
         let shot = on_threads(3, || stage.shoot(&settings));
         assert_eq!(shot.layer("beauty"), alone.layer("beauty"));
         let mean = shot.mean("beauty")[1];
-        assert!((mean / by_paths - 1.0).abs() < 0.03, "{mean}, by paths {by_paths}");
+        // Photons leave 3.5 % of noise in a single picture and 1.1 % in rounds, paths 0.8 %.
+        let bound = if settings.rounds.is_some() { 0.06 } else { 0.16 };
+        assert!((mean / by_paths - 1.0).abs() < bound, "{mean}, by paths {by_paths}");
     }
 }
 
