@@ -72,6 +72,9 @@ const LARGEST_SHARE: f64 = 0.125;
 /// Largest number of emitted photons for each stored one. Where more would be needed, fewer photons are stored.
 const MOST_EMITTED_PER_STORED: f64 = 2000.0;
 
+/// Largest number of photons emitted for each that is to be stored in media, of those that get there by way of diffuse surfaces.
+const MOST_BY_SURFACES: u64 = 16;
+
 /// The same for photons in media, of which each may cross several bodies.
 const MOST_EMITTED_IN_MEDIA: f64 = 64.0;
 
@@ -140,11 +143,19 @@ pub fn trace_media_photons(
         maps.add_scattered(scene, &std::mem::take(&mut traced.media), traced.emitted);
         return Some(traced);
     }
-    // Photons from a light straight to a medium are aimed at it, however small it is; the others get there by way of surfaces.
+    // Photons from a light to a medium, straight or through glass and mirrors, are aimed there, however small that is. The others get there
+    // by way of diffuse surfaces.
     let half = TraceSettings { stored: settings.stored.div_ceil(2), ..*settings };
     let bounding = bounding_media(scene);
-    let is_bounding = |target: &&Target| bounding[target.surface as usize];
-    let targets = scene.targets().iter().filter(is_bounding).map(|target| Target { density: 1.0, ..*target });
+    let leads_there = |target: &&Target| {
+        let surface = &scene.surfaces()[target.surface as usize];
+        let leads = |material: u32| {
+            let material = &scene.materials()[material as usize].1;
+            material.is_specular() || material.has_glossy() || material.media().is_some()
+        };
+        bounding[target.surface as usize] || surface.all_materials().any(leads)
+    };
+    let targets = scene.targets().iter().filter(leads_there).map(|target| Target { density: 1.0, ..*target });
     let goals = Goals::towards(scene, &targets.collect::<Vec<_>>());
     let sources = Sources::with_goals(scene, &goals, half.stored, true, budget);
     let mut traced =
@@ -153,7 +164,8 @@ pub fn trace_media_photons(
     let flux = sources.importance();
     let sources = Sources::new(scene, (half.kind, half.stored), true, budget);
     let most = (traced.emitted as f64 * sources.importance() / flux).ceil();
-    let most = if most.is_finite() { (most as u64).max(half.stored) } else { u64::MAX };
+    let most = if most.is_finite() { most as u64 } else { u64::MAX };
+    let most = most.clamp(half.stored, half.stored.saturating_mul(MOST_BY_SURFACES));
     let mut others =
         trace_from(scene, &half, (&sources, most), wanted, Starts::Elsewhere(&bounding), progress)?;
     let mut records = std::mem::take(&mut traced.media);

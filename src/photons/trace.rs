@@ -103,8 +103,8 @@ pub(super) struct Batch<'a> {
     pub reached: &'a [AtomicU64],
 }
 
-/// Photons that a pass follows, by whether the first segment of their path, from the light to the first surface, meets a medium that
-/// scatters or ends at one. Two passes, one aimed at such media, together have all photons. By surface, whether it bounds such a medium.
+/// Photons that a pass follows, by whether they meet a medium that scatters, or a surface that bounds one, before any diffuse surface. Two
+/// passes, one aimed at such media and at specular surfaces, together have all photons. By surface, whether it bounds such a medium.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Starts<'a> {
     /// All.
@@ -282,11 +282,13 @@ struct Flight {
     met: Met,
 }
 
-/// Counters that a photon has already incremented.
+/// What a photon has met: counters that it has already incremented, and media.
 #[derive(Clone, Copy, Default)]
 struct Met {
     interface: bool,
     mismatch: bool,
+    /// A medium that scatters, before any diffuse surface.
+    media: bool,
 }
 
 impl Flight {
@@ -351,8 +353,14 @@ impl Flight {
         };
         let is_followed = match pass.starts {
             Starts::Anywhere => true,
-            Starts::AtMedia(bounding) => self.depth > 0 || in_media || ends_at(bounding),
-            Starts::Elsewhere(bounding) => self.depth > 0 || !(in_media || ends_at(bounding)),
+            Starts::AtMedia(bounding) => {
+                self.met.media |= self.only_specular && (in_media || ends_at(bounding));
+                self.only_specular || self.met.media
+            }
+            Starts::Elsewhere(bounding) => {
+                self.met.media |= self.only_specular && (in_media || ends_at(bounding));
+                !self.met.media
+            }
         };
         if !is_followed {
             tally.power_escaped += arriving.as_dvec3();
@@ -448,9 +456,8 @@ impl Flight {
         tally: &mut PhotonTally,
     ) -> bool {
         let shading = pass.scene.shading_within(hit, self.medium);
-        let keeps = !pass.in_media;
-        if keeps && shading.bsdf.has_diffuse() || keeps && pass.receivers.binary_search(&hit.surface).is_ok()
-        {
+        let is_receiver = || pass.receivers.binary_search(&hit.surface).is_ok();
+        if !pass.in_media && (shading.bsdf.has_diffuse() || is_receiver()) {
             // Photon density on the surface includes the cosine at the geometric normal; the reflected light has the
             // cosine at the shading normal.
             let at = (hit.surface, hit.point.position, hit.facing_normal());

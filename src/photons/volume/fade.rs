@@ -87,8 +87,8 @@ impl<'a> Fade<'a> {
     pub(super) fn new(volume: &'a Volume, line: &Line, length: f64, rng: &mut Rng) -> Self {
         match volume.density() {
             Density::Homogeneous => Self::Homogeneous(volume.coefficients().extinction()),
-            _ if volume.density().depth(line, 0.0).is_some() => Self::Closed(volume, *line),
-            _ => Self::Tracked(Steps::new(volume, line, length, rng)),
+            Density::Height(_) => Self::Closed(volume, *line),
+            Density::Field(_) | Density::Grid(_) => Self::Tracked(Steps::new(volume, line, length, rng)),
         }
     }
 

@@ -124,15 +124,14 @@ impl Block {
     /// radius.
     #[inline]
     fn around(&self, place: Vec3, share: f32, mut visit: impl FnMut(usize, f32)) {
-        let mut square = [0f32; LEAF];
-        for i in 0..LEAF {
+        let squares: [f32; LEAF] = std::array::from_fn(|i| {
             let (x, y, z) = (self.x[i] - place.x, self.y[i] - place.y, self.z[i] - place.z);
             let radius = decode_length(self.radius[i]) * share;
-            square[i] = (x * x + y * y + z * z) / (radius * radius);
-        }
-        for lane in 0..LEAF {
-            if square[lane] < 1.0 {
-                visit(lane, square[lane]);
+            (x * x + y * y + z * z) / (radius * radius)
+        });
+        for (lane, &square) in squares.iter().enumerate() {
+            if square < 1.0 {
+                visit(lane, square);
             }
         }
     }
