@@ -1,6 +1,5 @@
 //! Paths in media that scatter, against closed forms and tables: single scattering, slabs by adding and doubling, furnaces.
 
-use crate::pictures::assert_same_parts;
 use crate::support::*;
 use cardioid::render::{IntegratorKind, Overrides, Quality, RenderError, Silent, render};
 
@@ -324,18 +323,35 @@ material = "floor"
 emission = { radiance = 13.0 }
 "#;
 
+/// Mean over seeds of a part of the picture, and its standard error.
+fn mean_of_part(shots: &[Shot], part: &str) -> (f64, f64) {
+    let means: Vec<f64> = shots.iter().map(|shot| shot.mean(part)[1]).collect();
+    let n = means.len() as f64;
+    let mean = means.iter().sum::<f64>() / n;
+    (mean, (means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt())
+}
+
 /// Both modes agree, part by part, on a caustic in fog and on a floor, and on light that fog and floor pass on to each other.
 #[test]
 fn parts_of_a_ball_in_fog() {
-    let stage = Stage::new(BALL_IN_FOG, (32, 32));
-    let by_maps = Overrides {
-        global_photons: Some(30_000),
-        caustic_photons: Some(30_000),
-        volume_beams: Some(6_000),
-        ..maps(8, 30_000)
+    let stage = Stage::new(BALL_IN_FOG, (24, 24));
+    let shoot = |settings: &Overrides, seeds: u64| -> Vec<Shot> {
+        (0..seeds).map(|seed| stage.shoot(&Overrides { seed: Some(seed), ..settings.clone() })).collect()
     };
-    let by_paths = Overrides { spp: Some(192), ..path() };
-    assert_same_parts("ball in fog", &stage, (&by_paths, &by_maps), 0.04);
+    let by_maps = Overrides {
+        global_photons: Some(20_000),
+        caustic_photons: Some(20_000),
+        volume_beams: Some(2_000),
+        ..maps(4, 60_000)
+    };
+    let (paths, maps) = (shoot(&Overrides { spp: Some(256), ..path() }, 8), shoot(&by_maps, 8));
+    for part in ["direct", "caustics", "indirect", "beauty"] {
+        let ((a, a_error), (b, b_error)) = (mean_of_part(&paths, part), mean_of_part(&maps, part));
+        let noise = a_error.hypot(b_error);
+        println!("ball in fog, {part}: path {a} +- {a_error}, photon map {b} +- {b_error}");
+        assert!(noise < 0.025 * a, "{part}: noise of {noise} says little of {a}");
+        assert!((a - b).abs() < 0.01 * a + 4.0 * noise, "{part}: {a} +- {a_error}, {b} +- {b_error}");
+    }
 }
 
 /// Rounds narrow the kernels in media as well, and show the same light; no thread changes a bit of it.
