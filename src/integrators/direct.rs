@@ -98,10 +98,10 @@ impl<'a> DirectLighting<'a> {
         Reflected { diffuse: sum.diffuse / count, glossy: sum.glossy / count }
     }
 
-    /// Radiance of direct light that a stretch of a path scatters, at the start of the stretch and divided by its weight. For each
-    /// light, a number of `places` and one shadow ray from each are sampled. Points are sampled near the light and where the path is likely to collide (Kulla &
-    /// Fajardo 2012), and weighted against collisions of the path followed by a direction of the phase function where the path continues so
-    /// (`phase_sampling`). `throughput` is that of
+    /// Radiance of direct light that a stretch of a path scatters, at the start of the stretch and divided by its weight. For each light, a
+    /// number of `places` and one shadow ray from each are sampled. Places are sampled near the light and where the path is likely to
+    /// collide (Kulla & Fajardo 2012), and weighted against collisions of the path followed by a direction of the phase function where the
+    /// path continues so (`phase_sampling`). `throughput` is that of
     /// the path at the start of the stretch.
     pub fn scattered(
         &self,

@@ -94,7 +94,7 @@ pub(super) struct Batch<'a> {
     pub stream: Stream,
     /// Whether photons are stored in media instead of on surfaces.
     pub in_media: bool,
-    /// Which photons are followed, by the first segment of their path.
+    /// Which photons are followed, by whether they meet media.
     pub starts: Starts<'a>,
     /// By light: number of photons to emit.
     pub shares: Vec<u64>,

@@ -31,6 +31,9 @@ pub(super) const IRRADIANCE_STRIDE: usize = 4;
 /// A map with less than this share of the requested photons causes a warning.
 const UNDERFILLED: f64 = 0.5;
 
+/// The same for photons in media, of which only half are stored where no light gets there by way of diffuse surfaces.
+const UNDERFILLED_MEDIA: f64 = 0.25;
+
 /// Report on one map.
 #[derive(Clone, Debug)]
 pub struct MapReport {
@@ -373,6 +376,7 @@ impl MapBuilder<'_> {
         };
         observer.begin(&format!("tracing {name}"), wanted);
         let start = Instant::now();
+        let before = self.pass.maps.media.sizes();
         let trace = self.trace_settings(kind, wanted);
         let budget = self.budget.map(|budget| match kind {
             MapKind::Global => &budget.global[..],
@@ -391,6 +395,17 @@ impl MapBuilder<'_> {
         if traced.stopped {
             self.pass.warnings.push(format!(
                 "the {name} of {wanted} asked for were traced in part, in their share of the time limit; ask for fewer, or give it more time"
+            ));
+        }
+        let (stored, setting) = match kind {
+            MapKind::Caustic => (beams - before.beams, "volume-beams"),
+            MapKind::Global => (points - before.points, "volume-photons"),
+        };
+        if !traced.stopped && (stored as f64) < UNDERFILLED_MEDIA * wanted as f64 {
+            self.pass.warnings.push(format!(
+                "the {name} are {stored} of {wanted} asked for: of the {} emitted, few get to a medium and are scattered there; where their \
+                 light is noisy, raise --{setting}",
+                traced.emitted
             ));
         }
         let truncated: u64 = traced.tallies.iter().map(|tally| tally.truncated).sum();
