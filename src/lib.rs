@@ -2,9 +2,10 @@
 //!
 //! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`],
 //! [`memory`], [`observer`], [`settings`]; `embree`, `image_io`,
-//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `photons`; `caches`;
+//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `bricks`, `photons`; `caches`;
 //! `integrators`; [`render`]; `measure`; and `cli`, which only the program uses.
 
+pub mod bricks;
 pub mod bsdf;
 pub mod caches;
 pub mod camera;

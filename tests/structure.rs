@@ -13,7 +13,7 @@ const LAYERS: [&[&str]; 12] = [
     &["scene"],
     &["scene_file"],
     &["transport"],
-    &["photons"],
+    &["bricks", "photons"],
     &["caches"],
     &["integrators"],
     &["render"],
