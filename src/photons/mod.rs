@@ -6,11 +6,13 @@ mod box_map;
 mod clusters;
 mod differential;
 mod direction_bins;
+mod discs;
 mod domain;
 mod emission;
 mod estimate;
 mod file;
 mod global_projection;
+mod group_file;
 mod guide;
 mod illumination;
 mod irradiance;
@@ -36,13 +38,17 @@ pub use file::{
     PHOTON_FILE_VERSION, PhotonFile, PhotonFileError, PhotonFileProblem, SavedPhotons, read_photon_file,
     read_photon_maps, write_photon_file,
 };
+pub use group_file::{
+    GROUP_FILE_VERSION, GroupFile, GroupFileError, GroupFileProblem, GroupWriter, PhotonOrder,
+};
 pub use guide::{DirectionGuide, GuideLobe, GuideParams, LocalGuide};
 pub use illumination::{Deposit, IlluminationMaps, IlluminationSizes, split_deposits};
 pub use irradiance::{DirectLight, IrradianceMap, PointIrradiance};
 pub use map::{DISC_FLATNESS, MIN_NORMAL_COS, Neighbours, PhotonMap, Query, Scratch};
 pub use pass::{
-    CausticSurvey, PhotonsFor, TracedPhotons, record_photon_rays, survey_caustics, trace_media_photons,
-    trace_photons, trace_photons_alone, trace_photons_for,
+    CausticSurvey, PhotonsFor, StreamedPhotons, TakePhotons, TracedPhotons, record_photon_rays,
+    stream_photons, survey_caustics, trace_media_photons, trace_photons, trace_photons_alone,
+    trace_photons_for,
 };
 pub use photon::{NORMAL_ERROR, Photon, PhotonClass, PhotonClasses};
 pub use projection_picture::{ProjectionPicture, projection_picture};

@@ -277,6 +277,7 @@ pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<Ca
         sources: &sources,
         stream: Stream::Prepass,
         in_media: false,
+        tagged: false,
         starts: Starts::Anywhere,
         shares,
         reached: &reached,
@@ -317,6 +318,7 @@ fn trace_alone(
         receivers: &[],
         stream: Stream::Measure,
         in_media: false,
+        tagged: false,
         starts: Starts::Anywhere,
         shares,
         reached: &reached,
@@ -328,6 +330,98 @@ fn trace_alone(
         photons.extend(traced.photons);
     }
     (photons, rays)
+}
+
+/// Result of [`stream_photons`].
+#[derive(Debug)]
+pub struct StreamedPhotons {
+    /// Photons emitted by all lights together, by which powers are divided.
+    pub emitted: u64,
+    /// Photons stored.
+    pub stored: u64,
+    /// By light.
+    pub tallies: Vec<PhotonTally>,
+}
+
+/// What takes photons with the surface of each.
+pub type TakePhotons<'a, E> = dyn FnMut(&[Photon], &[u32]) -> Result<(), E> + 'a;
+
+/// Tasks whose photons are in memory at a time, for each thread.
+const WINDOW: usize = 32;
+
+/// Traces photons for the global map as [`trace_photons_for`] does, and hands them to `take` in batches, in order, with the surface of each:
+/// memory does not grow with their number. The photons are the same for any number of threads.
+///
+/// `progress` is as for [`trace_photons`]; once it returns `false`, the result is `None`, as part of a map is of no use here.
+///
+/// # Errors
+/// The first error of `take`, after which nothing more is traced.
+pub fn stream_photons<E>(
+    scene: &Scene,
+    settings: &TraceSettings,
+    take: &mut TakePhotons<'_, E>,
+    progress: &(dyn Fn(u64, u64) -> bool + Sync),
+) -> Result<Option<StreamedPhotons>, E> {
+    let sources = Sources::new(scene, (settings.kind, settings.stored), settings.aimed, None);
+    let lights = scene.lights().len();
+    let mut result = StreamedPhotons { emitted: 0, stored: 0, tallies: vec![PhotonTally::default(); lights] };
+    if settings.stored == 0 || sources.is_dark() {
+        return Ok(Some(result));
+    }
+    let (starts, in_media, receivers) = (Starts::Anywhere, false, &[][..]);
+    let pass = Pass { scene, settings, sources: &sources, receivers, in_media, starts, progress };
+    let Some((prepass, per_stored)) = pass.find_count() else { return Ok(None) };
+    if prepass.stopped {
+        return Ok(None);
+    }
+    if prepass.len() == 0 {
+        result.emitted = prepass.emitted;
+        result.tallies = prepass.tallies;
+        return Ok(Some(result));
+    }
+    drop(prepass);
+    let emitted = (settings.stored as f64 * per_stored.min(MOST_EMITTED_PER_STORED)).ceil() as u64;
+    let shares = sources.shares(emitted);
+    result.emitted = shares.iter().sum();
+    let emitted = result.emitted;
+    let reached = no_surfaces(scene, settings.kind);
+    let stream = Stream::GlobalPhotons;
+    let sources = &sources;
+    let batch = Batch {
+        scene,
+        settings,
+        sources,
+        receivers,
+        stream,
+        in_media,
+        tagged: true,
+        starts,
+        shares,
+        reached: &reached,
+    };
+    let size = CHUNK as usize;
+    let tasks = batch.shares.iter().enumerate().flat_map(|(light, &share)| {
+        (0..share).step_by(size).map(move |first| (light, first, share.min(first + CHUNK)))
+    });
+    let mut tasks = tasks.peekable();
+    let (window, mut done) = (WINDOW * rayon::current_num_threads(), 0);
+    while tasks.peek().is_some() {
+        let part: Vec<(usize, u64, u64)> = tasks.by_ref().take(window).collect();
+        let traced: Vec<Traced> = part
+            .par_iter()
+            .map(|&(light, first, end)| batch.trace_range(light, first, end, emitted, &mut |_| ()))
+            .collect();
+        for (&(light, first, end), traced) in part.iter().zip(traced) {
+            done += end - first;
+            result.stored += traced.photons.len() as u64;
+            result.tallies[light] += traced.tally;
+            take(&traced.photons, &traced.surfaces)?;
+        }
+        if !progress(done, emitted) {
+            return Ok(None);
+        }
+    }
+    Ok(Some(result))
 }
 
 /// A range of photons of one light, by number.
@@ -392,6 +486,7 @@ impl Pass<'_> {
             receivers,
             stream,
             in_media,
+            tagged: false,
             starts,
             shares,
             reached: &reached,

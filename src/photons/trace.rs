@@ -94,6 +94,8 @@ pub(super) struct Batch<'a> {
     pub stream: Stream,
     /// Whether photons are stored in media instead of on surfaces.
     pub in_media: bool,
+    /// Whether the surface of each photon is recorded, though no surface has an illumination map.
+    pub tagged: bool,
     /// Which photons are followed, by whether they meet media.
     pub starts: Starts<'a>,
     /// By light: number of photons to emit.
@@ -118,7 +120,7 @@ pub(super) enum Starts<'a> {
 /// Result of tracing some photons of one light.
 pub(super) struct Traced {
     pub photons: Vec<Photon>,
-    /// By photon, the surface that it is stored at; empty unless some surface has an illumination map.
+    /// By photon, the surface that it is stored at; empty unless it is recorded.
     pub surfaces: Vec<u32>,
     /// Photons in media.
     pub media: MediaRecords,
@@ -158,7 +160,7 @@ impl Batch<'_> {
     ) -> Traced {
         let mut stored = Stored {
             photons: Vec::with_capacity((end - first) as usize),
-            surfaces: self.scene.has_illumination_maps().then(Vec::new),
+            surfaces: (self.tagged || self.scene.has_illumination_maps()).then(Vec::new),
             media: MediaRecords::default(),
         };
         let mut tally = PhotonTally::default();
