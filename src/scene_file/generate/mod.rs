@@ -1,9 +1,11 @@
 //! Meshes that a scene file describes by a rule instead of by triangles.
 
+mod city;
 mod heights;
 mod lathe;
 mod teapot;
 
+pub use city::{City, CityPart};
 pub use heights::mesh_of_heights;
 pub use lathe::{Curve, Lathe};
 pub use teapot::Teapot;
@@ -20,6 +22,8 @@ pub enum Generator {
     Lathe(Lathe),
     /// The teapot of Newell (1975).
     Teapot(Teapot),
+    /// A part of a city.
+    City(City),
 }
 
 impl Generator {
@@ -28,6 +32,7 @@ impl Generator {
         match self {
             Self::Lathe(lathe) => lathe.mesh(),
             Self::Teapot(teapot) => teapot.mesh(),
+            Self::City(city) => city.mesh(),
         }
     }
 }

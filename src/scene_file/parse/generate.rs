@@ -1,7 +1,7 @@
-//! Shapes with generated meshes: `type = "lathe"`, `type = "teapot"`.
+//! Shapes with generated meshes: `type = "lathe"`, `type = "teapot"`, `type = "city"`.
 
 use crate::scene_file::description::GeometryDescription;
-use crate::scene_file::generate::{Curve, Generator, Lathe, MOST_TRIANGLES, Teapot};
+use crate::scene_file::generate::{City, CityPart, Curve, Generator, Lathe, MOST_TRIANGLES, Teapot};
 use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, Table, Value};
 use glam::DVec2;
 
@@ -23,6 +23,30 @@ pub(super) fn read_teapot(table: &mut Table<'_>) -> Option<GeometryDescription> 
     let teapot = Teapot { divisions: divisions? as u32 };
     limited(table, teapot.most_triangles())?;
     Some(GeometryDescription::Generated(Generator::Teapot(teapot)))
+}
+
+const CITY_PARTS: &[(&str, CityPart)] = &[
+    ("streets", CityPart::Streets),
+    ("buildings", CityPart::Buildings),
+    ("cars", CityPart::Cars),
+    ("trees", CityPart::Trees),
+];
+
+pub(super) fn read_city(table: &mut Table<'_>) -> Option<GeometryDescription> {
+    let part = table.required("part", "\"buildings\"", |value| value.choice(CITY_PARTS));
+    let number = table.or("number", 0, |value| value.integer(0..=4096));
+    let blocks = table.or("blocks", 8, |value| value.integer(1..=64));
+    let detail = table.or("detail", 1, |value| value.integer(1..=256));
+    let seed = table.or("seed", 0, |value| value.integer(0..=u64::MAX));
+    let (part, number, blocks) = (part?, number? as u32, blocks? as u32);
+    if number >= part.count(blocks) {
+        let message =
+            format!("{} is part {number} of {}, which begin with 0", table.title(), part.count(blocks));
+        return table.refuse(message, "ask for a smaller `number`, or for more `blocks`");
+    }
+    let city = City { part, number, blocks, detail: detail? as u32, seed: seed? };
+    limited(table, city.most_triangles())?;
+    Some(GeometryDescription::Generated(Generator::City(city)))
 }
 
 fn limited(table: &Table<'_>, triangles: u64) -> Option<()> {

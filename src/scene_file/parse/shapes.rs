@@ -1,6 +1,6 @@
 //! `[[shapes]]` and `[[instances]]`.
 
-use super::generate::{read_lathe, read_teapot};
+use super::generate::{read_city, read_lathe, read_teapot};
 use super::names::Names;
 use super::objects::{Body, read_csg, read_flake, read_solid, read_terrain};
 use super::read_name;
@@ -37,6 +37,7 @@ enum Kind {
     Disc,
     Lathe,
     Teapot,
+    City,
     Body(Body),
     Csg,
     SphereFlake,
@@ -51,6 +52,7 @@ const KINDS: &[(&str, Kind)] = &[
     ("disc", Kind::Disc),
     ("lathe", Kind::Lathe),
     ("teapot", Kind::Teapot),
+    ("city", Kind::City),
     ("box", Kind::Body(Body::Box)),
     ("cone", Kind::Body(Body::Cone)),
     ("torus", Kind::Body(Body::Torus)),
@@ -101,6 +103,7 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         Kind::Disc => read_disc(&mut table),
         Kind::Lathe => read_lathe(&mut table),
         Kind::Teapot => read_teapot(&mut table),
+        Kind::City => read_city(&mut table),
         Kind::Body(body) => read_solid(&mut table, body),
         Kind::Csg => read_csg(&mut table, materials),
         Kind::SphereFlake => read_flake(&mut table),
