@@ -70,6 +70,17 @@ fn every_key_of_the_statistics_is_documented() {
     assert!(saved.success());
     let (read, read_table) = run("cornell-spheres.toml", &["--photon-map", "a.photons"]);
     keys(&read, &mut found);
+    for command in ["photons", "bricks"] {
+        let made = Command::new(env!("CARGO_BIN_EXE_cardioid"))
+            .current_dir(folder.path())
+            .arg(command)
+            .arg(root.join("scenes/cornell-diffuse.toml"))
+            .args(["--global-photons", "2000", "-q", "--atlas", "atlas"])
+            .status()
+            .unwrap();
+        assert!(made.success());
+    }
+    keys(&run("cornell-diffuse.toml", &["--atlas", "atlas"]).0, &mut found);
     assert!(found.len() > 90, "{}", found.len());
     let document = fs::read_to_string(root.join("docs/statistics.md")).unwrap();
     let missing: Vec<_> = found.iter().filter(|key| !document.contains(&format!("`{key}`"))).collect();

@@ -12,6 +12,7 @@ macro_rules! say {
 
 mod bench_bvh;
 mod bench_caustic;
+mod bricks;
 mod compare;
 mod hints;
 mod info;
@@ -59,6 +60,7 @@ struct Cli {
 enum Command {
     Render(render::RenderArgs),
     Photons(photons::PhotonsArgs),
+    Bricks(bricks::BricksArgs),
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
     Probe(probe::ProbeArgs),
@@ -91,6 +93,7 @@ pub(crate) fn run() -> ExitCode {
     let outcome = match cli.command {
         Command::Render(args) => render::run(&args),
         Command::Photons(args) => photons::run(&args),
+        Command::Bricks(args) => bricks::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Probe(args) => probe::run(&args),

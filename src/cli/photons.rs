@@ -6,10 +6,12 @@ use super::progress::{Console, catch_interrupts, interrupted};
 use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
 use cardioid::image_io;
-use cardioid::render::{PassOne, Settings, trace_photon_maps, write_photon_maps};
+use cardioid::render::{
+    AtlasParams, PassOne, Settings, trace_photon_atlas, trace_photon_maps, write_photon_maps,
+};
 use cardioid::scene_file::photon_content_hash;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Trace photons into a file, for `render --photon-map`: from another camera, in another size, again
@@ -21,6 +23,19 @@ pub(crate) struct PhotonsArgs {
     /// File to write. Default: the scene's name in this folder, with .photons.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+
+    /// Write a photon atlas into this folder instead: the photons of each group of objects in a file of its own, on disk while they are
+    /// traced, so that there may be more of them than memory. For `cardioid bricks`.
+    #[arg(long, value_name = "FOLDER", conflicts_with = "output")]
+    atlas: Option<PathBuf>,
+
+    /// With --atlas, groups at most: where a scene has more objects, neighbours share a group.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = groups, requires = "atlas")]
+    groups: usize,
+
+    /// With --atlas, memory for photons while they are sorted. No bit depends on it.
+    #[arg(long, value_name = "BYTES", default_value = "64MB", value_parser = cardioid::settings::memory, requires = "atlas")]
+    sort_memory: u64,
 
     /// Replace a file under the default name whoever wrote it; otherwise only one that cardioid wrote is replaced.
     #[arg(long)]
@@ -34,6 +49,10 @@ pub(crate) struct PhotonsArgs {
     settings: SettingsArgs,
 }
 
+fn groups(text: &str) -> Result<usize, String> {
+    cardioid::settings::count_within(text, 1, 1024).map(|count| count as usize)
+}
+
 pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
     catch_interrupts();
     let pool = rayon::ThreadPoolBuilder::new()
@@ -44,6 +63,9 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         Some(output) => output.clone(),
         None => PathBuf::from(args.scene.scene.file_stem().unwrap_or_default()).with_extension("photons"),
     };
+    if let Some(folder) = &args.atlas {
+        return atlas(args, folder, &pool);
+    }
     let named = if args.output.is_some() { Named::ByUser } else { Named::ByUs };
     let mut outputs = Outputs::new([args.scene.scene.as_path()]).overwriting(args.overwrite);
     outputs.add(&output, "the photon map", named)?;
@@ -87,6 +109,43 @@ pub(crate) fn run(args: &PhotonsArgs) -> Result<ExitCode> {
         if !args.quiet {
             summary(&pass);
             say!("wrote {}", output.display());
+        }
+        Ok(ExitCode::SUCCESS)
+    })
+}
+
+/// Traces photons into an atlas.
+fn atlas(args: &PhotonsArgs, folder: &Path, pool: &rayon::ThreadPool) -> Result<ExitCode> {
+    let outputs = Outputs::new([args.scene.scene.as_path()]);
+    let console = Console::new(args.quiet, None);
+    pool.install(|| {
+        console.busy("reading and building the scene");
+        let loaded = load(&args.scene, &outputs, &console, &|| console.finish());
+        console.finish();
+        if let (Err(_), Some(code)) = (&loaded, interrupted()) {
+            say!("stopped while the scene was read and built: no file was written");
+            return Ok(ExitCode::from(code));
+        }
+        let Loaded { description, built, .. } = loaded?;
+        let settings = Settings::from(&args.settings.over(&description.render));
+        let hash = photon_content_hash(&description).context("cannot hash the scene")?;
+        // Photons twice, while two sorted halves become one.
+        let in_memory = (args.sort_memory / 40) as usize;
+        let params = AtlasParams { groups: args.groups, in_memory };
+        let traced = trace_photon_atlas(&built.scene, (&hash, &settings), folder, params, &console)?;
+        console.finish();
+        let (Some(atlas), None) = (traced, interrupted()) else {
+            say!("stopped before all photons were traced: there is no new atlas in {}", folder.display());
+            return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
+        };
+        if !args.quiet {
+            say!(
+                "{} photons of {} emitted, in {} groups of objects: {}",
+                atlas.photons,
+                atlas.emitted,
+                atlas.groups.len(),
+                folder.display()
+            );
         }
         Ok(ExitCode::SUCCESS)
     })

@@ -11,7 +11,7 @@ use cardioid::film::{Developed, Film, LayerSet, PixelRect, ToneCurve, ToneMap, a
 use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels, Window};
 use cardioid::render::{
     IntegratorKind, Observer, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, SavedMaps,
-    Settings, Statistics, Stop, render_in_rounds, render_with_maps,
+    Settings, Statistics, Stop, open_irradiance_atlas, render_in_rounds, render_with_atlas, render_with_maps,
 };
 use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
@@ -66,6 +66,16 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     photon_map: Option<PathBuf>,
 
+    /// Irradiance atlas that `cardioid bricks` built, read by gather rays in place of a photon map in memory: as much light as the disk holds.
+    ///
+    /// The scene must be that of the atlas; camera, picture and caustic photons are those of this render.
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["photon_map", "checkpoint", "resume"])]
+    atlas: Option<PathBuf>,
+
+    /// With --atlas, memory for its bricks; 0 for none. The picture does not depend on it.
+    #[arg(long, value_name = "BYTES", default_value = "100MB", value_parser = brick_cache, requires = "atlas")]
+    brick_cache: u64,
+
     /// Leave out albedo, normal, depth and ids from the EXR.
     #[arg(long)]
     beauty_only: bool,
@@ -96,6 +106,14 @@ enum CurveArg {
     None,
     /// Bend bright colours towards white (Khronos PBR Neutral).
     Neutral,
+}
+
+/// Parses the size of the cache of bricks.
+fn brick_cache(text: &str) -> Result<u64, String> {
+    match text {
+        "0" => Ok(0),
+        _ => cardioid::settings::memory(text).map_err(|message| format!("{message}, or 0 for none")),
+    }
 }
 
 /// Parses an exposure in stops.
@@ -169,6 +187,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let Loaded { built, .. } = &loaded;
         let (scene, camera) = (&built.scene, &built.camera);
         let plan = request.settings.plan(scene);
+        let plan = if args.atlas.is_some() { plan.with_atlas() } else { plan };
         // Without a limit, the pass itself checks the free memory before it traces photons.
         if let Some(limit) = args.scene.memory_limit {
             loaded.estimate.with_photons(&request.settings, &plan, scene).check(Some(limit))?;
@@ -177,8 +196,17 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
             let hash = photon_content_hash(&loaded.description).context("cannot hash the scene")?;
             saved.check(&hash, &request.settings, &plan)?;
         }
+        let atlas = match &args.atlas {
+            Some(folder) => {
+                let hash = photon_content_hash(&loaded.description).context("cannot hash the scene")?;
+                Some(open_irradiance_atlas(scene, &hash, folder, args.brick_cache)?)
+            }
+            None => None,
+        };
         let in_rounds = request.settings.integrator == IntegratorKind::Progressive;
-        let rendered = if in_rounds || args.checkpoint.is_some() || args.resume.is_some() {
+        let rendered = if let Some(atlas) = atlas {
+            render_with_atlas(scene, camera, &request, atlas, &console)
+        } else if in_rounds || args.checkpoint.is_some() || args.resume.is_some() {
             if saved.is_some() {
                 bail!("--photon-map holds the photons of one picture, and each round of a progressive one has its own");
             }

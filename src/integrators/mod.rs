@@ -27,6 +27,7 @@ pub use photon_map::{
 };
 pub use receiver::{Irradiance, Receiver};
 
+use crate::bricks::{BrickCounters, BrickReader};
 use crate::film::PixelSample;
 use crate::lights::LightId;
 use crate::math::{Ray, Rgb};
@@ -105,6 +106,8 @@ pub struct Scratch {
     bias: Rgb,
     /// Specular branches that are still to be followed.
     branches: Vec<specular::Branch>,
+    /// Bricks of brick maps that were read last.
+    bricks: BrickReader,
 }
 
 /// Counts of rendering events.
@@ -137,6 +140,10 @@ pub struct Counters {
     pub media_lookups: u64,
     /// Lookups in illumination maps.
     pub illumination_lookups: u64,
+    /// Lookups in brick maps of an irradiance atlas.
+    pub atlas_lookups: u64,
+    /// Lookups of bricks for those.
+    pub bricks: BrickCounters,
     /// Gather rays for which no photon with a matching normal was near.
     pub empty_lookups: u64,
     /// Surfaces at which photons guided the sampling of directions.
@@ -198,6 +205,8 @@ impl AddAssign for Counters {
         self.caustic_nearby += other.caustic_nearby;
         self.media_lookups += other.media_lookups;
         self.illumination_lookups += other.illumination_lookups;
+        self.atlas_lookups += other.atlas_lookups;
+        self.bricks += other.bricks;
         self.empty_lookups += other.empty_lookups;
         self.guided += other.guided;
         self.unguided += other.unguided;

@@ -6,6 +6,7 @@ use super::settings::{IntegratorKind, Settings, ShadowMode};
 use super::stats::{
     IlluminationStatistics, MapStatistics, MediaStatistics, PhotonMapFile, PhotonStatistics, ShadowStatistics,
 };
+use crate::bricks::IrradianceAtlas;
 use crate::camera::Camera;
 use crate::integrators::{
     CAUSTIC_POINT_REACH, DirectAt, PhotonBudget, PhotonMapSettings, PhotonMaps, Place, light_importance,
@@ -99,6 +100,7 @@ impl Settings {
             max_depth: self.max_depth,
             accurate_distance: self.accurate_distance * scene_radius,
             approximate_weight: self.approximate_weight,
+            atlas_footprint: self.atlas_footprint,
             narrowing: None,
         }
     }
@@ -153,6 +155,8 @@ pub struct ForPicture<'a> {
     pub finest: &'a [f32],
     /// Photons of a file in place of traced ones. The caller has checked that they match.
     pub saved: Option<SavedMaps>,
+    /// Brick maps in place of the global map.
+    pub atlas: Option<IrradianceAtlas>,
     /// Time for tracing all photons; where it is `None`, a share of the time until the observer's deadline.
     pub time: Option<Duration>,
     /// Surfaces whose irradiance will be probed ([`PhotonsFor::receivers`]).
@@ -179,7 +183,8 @@ pub fn build_maps_from(
     let limit = picture.time.or_else(|| observer.deadline().map(share));
     // Where the number of photons was chosen to fit the time, no map needs to be limited to its half.
     let is_counted = picture.time.is_some();
-    let ForPicture { finest, saved, budget, receivers, .. } = picture;
+    let ForPicture { finest, saved, atlas, budget, receivers, .. } = picture;
+    pass.maps.atlas = atlas;
     let deposits = Default::default();
     let mut builder = MapBuilder {
         scene,

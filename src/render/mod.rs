@@ -3,6 +3,7 @@
 #![deny(clippy::wildcard_enum_match_arm, clippy::match_wildcard_for_single_variants)]
 
 mod adaptive;
+mod atlas;
 mod batches;
 mod estimate;
 mod glints;
@@ -23,10 +24,14 @@ mod warnings;
 pub use crate::memory::{MemoryError, MemoryEstimate, Resident, allowed_memory};
 pub use crate::observer::{Observer, Silent};
 pub use adaptive::SampleCounts;
+pub use atlas::{
+    AtlasDescription, AtlasError, AtlasGroup, AtlasParams, BrickReport, BrickRequest, build_irradiance_atlas,
+    open_irradiance_atlas, trace_photon_atlas,
+};
 pub use maps::{ForPicture, MapReport, PassOne, build_maps, build_maps_from, photon_budget};
 pub use memory::PhotonCounts;
 pub use pixel_footprint::finest_distances;
-pub use pixels::{RenderError, RenderRequest, Rendered, Stop, render, render_with_maps};
+pub use pixels::{RenderError, RenderRequest, Rendered, Stop, render, render_with_atlas, render_with_maps};
 pub use probe::{
     PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe,
 };
@@ -37,7 +42,7 @@ pub use progressive::{
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};
 pub use settings::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, Settings, ShadowMode, Show};
 pub use stats::{
-    AdaptiveStatistics, CacheStatistics, IlluminationStatistics, MapStatistics, MediaStatistics,
-    MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics, Statistics,
-    Times,
+    AdaptiveStatistics, AtlasStatistics, CacheStatistics, IlluminationStatistics, MapStatistics,
+    MediaStatistics, MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics,
+    Statistics, Times,
 };

@@ -10,9 +10,12 @@ use super::pixel_footprint::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
 use super::settings::{Settings, Show};
-use super::stats::{AdaptiveStatistics, CacheStatistics, MemoryStatistics, Statistics, Times};
+use super::stats::{
+    AdaptiveStatistics, AtlasStatistics, CacheStatistics, MemoryStatistics, Statistics, Times,
+};
 use super::visible_emitters::VisibleEmitters;
 use super::warnings::warn;
+use crate::bricks::{BrickCounters, BrickFileError, IrradianceAtlas};
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{
     AOVS, Aov, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile,
@@ -96,6 +99,12 @@ pub enum RenderError {
         "the medium `{0}` emits light, which --integrator path alone renders: photons do not start in media"
     )]
     Glowing(String),
+    /// A brick map could not be read while the picture was rendered.
+    #[error(transparent)]
+    Atlas(#[from] BrickFileError),
+    /// The settings read no irradiance.
+    #[error("this integrator reads no irradiance atlas: leave out --atlas, or use --integrator photon-map")]
+    AtlasUnused,
     /// The render cannot be resumed.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
@@ -151,6 +160,38 @@ pub fn render_with_maps(
     saved: Option<SavedMaps>,
     observer: &dyn Observer,
 ) -> Result<Rendered, RenderError> {
+    render_given(scene, camera, request, (saved, None), observer)
+}
+
+/// Renders as [`render`] does, with gather rays that read `atlas` in place of a global photon map. The caller must have opened it for this
+/// scene ([`super::open_irradiance_atlas`]).
+///
+/// # Errors
+/// The same as for [`render`]; where a brick could not be read, because the picture would be wrong; and where the settings read no
+/// irradiance.
+pub fn render_with_atlas(
+    scene: &Scene,
+    camera: &Camera,
+    request: &RenderRequest,
+    atlas: IrradianceAtlas,
+    observer: &dyn Observer,
+) -> Result<Rendered, RenderError> {
+    match request.settings.integrator {
+        IntegratorKind::PhotonMap => render_given(scene, camera, request, (None, Some(atlas)), observer),
+        IntegratorKind::Photons | IntegratorKind::Path | IntegratorKind::Progressive => {
+            Err(RenderError::AtlasUnused)
+        }
+    }
+}
+
+/// Renders with maps that are there already, traced to a file or built on disk.
+fn render_given(
+    scene: &Scene,
+    camera: &Camera,
+    request: &RenderRequest,
+    (saved, atlas): (Option<SavedMaps>, Option<IrradianceAtlas>),
+    observer: &dyn Observer,
+) -> Result<Rendered, RenderError> {
     let settings = &request.settings;
     if settings.spp == 0 {
         return Err(RenderError::NoSamples);
@@ -169,12 +210,14 @@ pub fn render_with_maps(
         return Err(RenderError::TargetWithoutRounds);
     }
     let plan = settings.plan(scene);
+    let plan = if atlas.is_some() { plan.with_atlas() } else { plan };
     let mut film = Film::new(request.width, request.height, request.crop, request.layers)?;
     let sums_up = settings.illumination_maps && scene.has_illumination_maps();
-    // A file holds individual photons, also those of objects with illumination maps.
-    let reads = saved.is_some().then(|| Settings { illumination_maps: false, ..settings.clone() });
+    // A file holds individual photons, also those of objects with illumination maps, and so does an atlas.
+    let reads = (saved.is_some() || atlas.is_some())
+        .then(|| Settings { illumination_maps: false, ..settings.clone() });
     let settings = reads.as_ref().unwrap_or(settings);
-    let finest = if sums_up && saved.is_none() {
+    let finest = if sums_up && reads.is_none() {
         finest_distances(scene, camera, (request.width, request.height))
     } else {
         Vec::new()
@@ -183,7 +226,7 @@ pub fn render_with_maps(
     let budget = photon_budget(scene, camera, &plan, settings);
     let shared = budget.as_ref().filter(|_| saved.is_none());
     // The number of photons in a file is fixed, so a time limit does not change it.
-    let paced = match observer.deadline().filter(|_| saved.is_none()) {
+    let paced = match observer.deadline().filter(|_| reads.is_none()) {
         Some(deadline) => {
             let budget = shared;
             Pace { scene, camera, request, plan: &plan, finest: &finest, budget, deadline, observer }
@@ -196,7 +239,7 @@ pub fn render_with_maps(
         Some(maps) => maps,
         None => {
             let picture =
-                ForPicture { budget: shared, finest: &finest, saved, time: tracing, receivers: &[] };
+                ForPicture { budget: shared, finest: &finest, saved, atlas, time: tracing, receivers: &[] };
             build_maps_from(scene, &plan, settings, picture, observer)?
         }
     };
@@ -212,7 +255,7 @@ pub fn render_with_maps(
             "with photons of a file there are no illumination maps: what has one is read from the photon maps".to_owned(),
         );
     }
-    if budget.is_some() && reads.is_some() {
+    if budget.is_some() && shared.is_none() {
         pass_one.warnings.push(
             "photons of a file are shared out by the flux of lights, not by what this camera sees of them: lights are noisier \
              than with photons traced for the picture"
@@ -260,6 +303,9 @@ pub fn render_with_maps(
             checkpoint_failure: None,
         });
     };
+    if let Some(failure) = pass_one.maps.atlas.as_ref().and_then(IrradianceAtlas::failure) {
+        return Err(RenderError::Atlas(failure.clone()));
+    }
     let finished = taken.finished;
     memory.cache = taken.memory_cache;
     memory.pixels = resident_memory();
@@ -490,6 +536,14 @@ impl Statistics {
         let counters = &self.counters;
         self.mean_depth = counters.depth_sum as f64 / counters.camera_rays.max(1) as f64;
         let filling = self.cache.map(|cache| cache.counters).unwrap_or_default();
+        if let Some(atlas) = &mut self.atlas {
+            atlas.lookups = counters.bricks;
+            atlas.lookups += filling.bricks;
+            let BrickCounters { looked_up, missed, .. } = atlas.lookups;
+            atlas.hit_percent = 100.0 * (looked_up - missed) as f64 / looked_up.max(1) as f64;
+            let rays = counters.atlas_lookups + filling.atlas_lookups;
+            atlas.bricks_per_ray = looked_up as f64 / rays.max(1) as f64;
+        }
         let segments = counters.gather_path_segments + filling.gather_path_segments;
         self.mean_path_depth = segments as f64 / (counters.gather_paths + filling.gather_paths).max(1) as f64;
         for light in &mut self.shadows {
@@ -533,6 +587,11 @@ pub(super) fn statistics(
         cache: None,
         illumination: pass_one.illumination,
         media: pass_one.media,
+        atlas: pass_one.maps.atlas.as_ref().map(|atlas| AtlasStatistics {
+            counts: atlas.counts(),
+            budget: atlas.budget(),
+            ..AtlasStatistics::default()
+        }),
         adaptive: None,
         shadows: pass_one.shadows,
         seconds_shadows: pass_one.seconds_shadows,

@@ -28,9 +28,8 @@ struct PhotonSettings {
 impl PhotonSettings {
     fn of(settings: &Settings, plan: &RenderPlan) -> Self {
         let counts = PhotonCounts::of(settings, plan);
-        let all = serde_json::to_value(settings).unwrap_or_default();
-        let traced = settings_of(Maps::Photons).map(|setting| (field(setting), all[setting.name].clone()));
-        Self { traced: traced.collect(), global_photons: counts.global, caustic_photons: counts.caustic }
+        let traced = traced_settings(settings);
+        Self { traced, global_photons: counts.global, caustic_photons: counts.caustic }
     }
 
     /// A value in the form of the command line; `(unknown)` for a setting that an older file lacks.
@@ -41,6 +40,12 @@ impl PhotonSettings {
             None => "(unknown)".to_owned(),
         }
     }
+}
+
+/// The settings of [`Maps::Photons`] with their values.
+pub(super) fn traced_settings(settings: &Settings) -> Map<String, Value> {
+    let all = serde_json::to_value(settings).unwrap_or_default();
+    settings_of(Maps::Photons).map(|setting| (field(setting), all[setting.name].clone())).collect()
 }
 
 fn settings_of(maps: Maps) -> impl Iterator<Item = &'static Setting> {

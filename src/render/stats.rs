@@ -1,6 +1,7 @@
 //! Statistics of a render, as `--stats` writes them.
 
 use super::progressive::RoundStatistics;
+use crate::bricks::{AtlasCounts, BrickCounters};
 use crate::integrators::{Counters, ShadowCounters};
 use crate::memory::Resident;
 use crate::scene::{MapKind, RenderPlan};
@@ -127,6 +128,22 @@ pub struct MediaStatistics {
     pub seconds: f64,
 }
 
+/// The irradiance atlas on disk, and what was read of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct AtlasStatistics {
+    /// Sizes.
+    #[serde(flatten)]
+    pub counts: AtlasCounts,
+    /// Bytes that the cache may take.
+    pub budget: u64,
+    /// Look-ups of bricks, filling the irradiance cache included.
+    pub lookups: BrickCounters,
+    /// Share of the look-ups of bricks that read no file, in percent.
+    pub hit_percent: f64,
+    /// Look-ups of bricks for each gather ray that read the atlas.
+    pub bricks_per_ray: f64,
+}
+
 /// Adaptive camera samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AdaptiveStatistics {
@@ -228,6 +245,9 @@ pub struct Statistics {
     /// Photons in media, where there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub media: Option<MediaStatistics>,
+    /// The irradiance atlas on disk, where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub atlas: Option<AtlasStatistics>,
     /// Adaptive samples, where they were requested.
     pub adaptive: Option<AdaptiveStatistics>,
     /// Bytes of the distributions that guide directions.

@@ -166,6 +166,17 @@ impl RenderPlan {
         self
     }
 
+    /// The same plan with an irradiance atlas on disk in place of the global map.
+    #[must_use]
+    pub fn with_atlas(mut self) -> Self {
+        if self.final_gather.build {
+            self.global_map = Decision::no("gather rays read the irradiance atlas on disk");
+            self.direct_at_points = Decision::no("the atlas holds it");
+            self.guide = Decision::no("an irradiance atlas holds no directions");
+        }
+        self
+    }
+
     /// The same plan with irradiance precomputed at photons, for lookups at the ends of gather rays.
     #[must_use]
     pub fn with_precomputed(mut self, scene: &Scene, integrator: IntegratorKind, wanted: bool) -> Self {

@@ -366,6 +366,16 @@ settings! {
         knob: Cache by Turn::Factor(2),
     }
 
+    /// With --atlas, side of the voxels that a gather ray reads over the width of its cone: smaller shows more and reads more bricks.
+    ///
+    /// The cone has the solid angle that one ray of a hemisphere stands for (docs/irradiance-atlas.md).
+    atlas_footprint: f32 {
+        kind: Kind::Number { noun: "number", least: 0.01, most: 16.0, example: "0.5" },
+        group: Sampling,
+        presets: [0.5; 4],
+        maps: Nothing,
+    }
+
     /// Whether shapes with `illumination-map` in the scene have one; otherwise photon maps serve everywhere.
     illumination_maps: bool {
         kind: Kind::Flag,

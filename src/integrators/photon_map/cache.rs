@@ -1,7 +1,7 @@
 //! Filling and reading the irradiance cache (Jensen 1996, section 4.4). For the Lambertian surfaces that the camera sees, directly or
 //! through specular ones, indirect light is gathered at a few places before the image is rendered.
 
-use super::gather::Start;
+use super::gather::{Start, cone_of};
 use super::walk::{Walk, walk_specular};
 use super::{PhotonMapIntegrator, Vertex};
 use crate::caches::{CacheSettings, Filling, Hemisphere, Irradiance, Place, Record, Seen};
@@ -283,6 +283,7 @@ impl PhotonMapIntegrator<'_> {
                 weight,
                 depth: vertex.depth,
                 travelled: vertex.travelled,
+                cone: cone_of(rays, local.z * FRAC_1_PI),
             };
             let found = self.gather(&start, u, scratch);
             Seen { radiance: found.indirect, nearest: found.nearest, distance: found.distance }

@@ -2,6 +2,8 @@
 
 use super::lookup::reflected_estimate;
 use super::{PhotonMapIntegrator, Vertex};
+use crate::bricks::IrradianceAtlas;
+use crate::bsdf::Lobe;
 use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
 use crate::lights::{LightId, Receiver as LightReceiver};
@@ -99,6 +101,22 @@ pub(super) struct Start<'a> {
     pub(super) depth: u32,
     /// Path length from the eye to the start of the ray.
     pub(super) travelled: f32,
+    /// Width of the ray's cone over its length ([`cone_of`]).
+    pub(super) cone: f32,
+}
+
+/// Rays that a cone counts at least. Fewer rays from one place do not mean that wider averages will do: those of all samples of a pixel, and of
+/// its neighbours, are averaged.
+const LEAST_RAYS: u32 = 256;
+
+/// Least density of the directions of gather rays, per steradian, that widens a cone: that of a cosine of 0.1.
+const LEAST_DENSITY: f32 = 0.1 * FRAC_1_PI;
+
+/// Width of the cone of a gather ray over its length. Each of `rays` rays stands for the solid angle 1 / (rays pdf), where `pdf` is the density of
+/// its direction per steradian; a cone of that solid angle has the diameter 2 sqrt(1 / (pi rays pdf)) at distance 1.
+pub(super) fn cone_of(rays: u32, pdf: f32) -> f32 {
+    let rays = rays.max(LEAST_RAYS) as f32;
+    2.0 * (FRAC_1_PI / (rays * pdf.max(LEAST_DENSITY))).sqrt()
 }
 
 /// A surface at which a gather ray landed.
@@ -134,7 +152,7 @@ impl PhotonMapIntegrator<'_> {
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Gain {
-        if self.maps.global.is_none() && !self.bsdf_sampling {
+        if self.maps.global.is_none() && self.maps.atlas.is_none() && !self.bsdf_sampling {
             return Gain::default();
         }
         let count = ((self.settings.gather_samples as f32 * vertex.share).ceil() as u32).max(1);
@@ -185,6 +203,7 @@ impl PhotonMapIntegrator<'_> {
                 weight: vertex.weight * sample.throughput.max_element(),
                 depth: vertex.depth,
                 travelled: vertex.travelled,
+                cone: cone_of(count as u32, sample.pdf_solid_angle),
             };
             let found = self.gather(&start, u_path, scratch);
             gain.indirect += sample.throughput * found.indirect;
@@ -290,6 +309,7 @@ impl PhotonMapIntegrator<'_> {
                     weight: start.weight * throughput.max_element(),
                     depth: segments,
                     travelled: start.travelled + found.distance,
+                    width: start.cone * found.distance,
                 };
                 let passed = throughput.max_element();
                 let survival = if depth == 0 && start.recursion < SURE_RECURSIONS {
@@ -396,7 +416,7 @@ impl PhotonMapIntegrator<'_> {
     /// Whether the maps hold indirect light. An empty map causes a warning, and nothing replaces it.
     pub(super) fn has_photons(&self) -> bool {
         let is_lit = self.maps.illumination.as_ref().is_some_and(|maps| maps.sizes().photons > 0);
-        is_lit || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
+        is_lit || self.maps.atlas.is_some() || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
     }
 
     /// Whether a surface is so close that the blur of the map would show, and its weight is large enough to matter.
@@ -455,6 +475,9 @@ impl PhotonMapIntegrator<'_> {
         if let Some(radiance) = self.summed_up(hit, shading, IlluminationMaps::all, scratch) {
             return Some(radiance);
         }
+        if let Some(atlas) = &self.maps.atlas {
+            return self.read_atlas(atlas, at, scratch);
+        }
         let map = self.maps.global.as_ref().filter(|map| !map.is_empty())?;
         scratch.counters.global_lookups += 1;
         let largest = self.settings.max_radius;
@@ -476,6 +499,23 @@ impl PhotonMapIntegrator<'_> {
         let estimate = reflected_estimate(self.scene, &self.settings, what, shading, scratch);
         let is_rich = estimate.radius < largest && estimate.photons >= POOR_PHOTONS && estimate.is_local;
         is_rich.then_some(estimate.value)
+    }
+
+    /// Radiance that the diffuse lobe of a surface reflects of the irradiance in its brick map; `None` where that holds nothing near. Voxels
+    /// are as wide as a share of the ray's cone there ([`PhotonMapSettings::atlas_footprint`]).
+    fn read_atlas(&self, atlas: &IrradianceAtlas, at: &Vertex<'_>, scratch: &mut Scratch) -> Option<Rgb> {
+        let Vertex { hit, shading, .. } = *at;
+        scratch.counters.atlas_lookups += 1;
+        let reader = (&mut scratch.bricks, &mut scratch.counters.bricks);
+        let place = (hit.point.position, hit.facing_normal());
+        let width = self.settings.atlas_footprint * at.width;
+        let irradiance = atlas.look_up(reader, hit.surface, place, width)?.irradiance;
+        // A lobe that depends on where light comes from counts as Lambertian of its albedo: brick maps hold no directions.
+        let reflectance = match shading.bsdf.lambertian() {
+            Some(lambert) => lambert.reflectance,
+            None => shading.bsdf.lobe_albedo(Lobe::Diffuse, shading.wo_local),
+        };
+        Some(reflectance * irradiance * FRAC_1_PI)
     }
 
     /// Radiance of direct light that the diffuse lobe of a surface reflects.

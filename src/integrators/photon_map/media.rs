@@ -1,7 +1,7 @@
 //! Light that media scatter, read from photons in media (Jensen & Christensen 1998).
 
 use super::PhotonMapIntegrator;
-use super::gather::{Gain, Start};
+use super::gather::{Gain, Start, cone_of};
 use crate::film::Aov;
 use crate::integrators::Scratch;
 use crate::lights::Receiver as LightReceiver;
@@ -68,6 +68,7 @@ impl PhotonMapIntegrator<'_> {
             weight: (throughput * weight).max_element(),
             depth: 1,
             travelled: t as f32,
+            cone: cone_of(1, sample.pdf),
         };
         let found = self.gather(&start, u, scratch);
         Gain { indirect: weight * found.indirect, direct: weight * found.direct, bias: Rgb::ZERO }

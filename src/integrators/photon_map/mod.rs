@@ -21,6 +21,7 @@ pub use show_classes::ShowClasses;
 
 use super::direct::{DirectLighting, Reflected};
 use super::{Directions, EyeRay, Integrator, Scratch};
+use crate::bricks::IrradianceAtlas;
 use crate::caches::IrradianceCache;
 use crate::film::{Aov, PixelSample};
 use crate::math::Rgb;
@@ -78,6 +79,8 @@ pub struct PhotonMapSettings {
     pub accurate_distance: f32,
     /// Paths with a smaller weight than this are evaluated from the maps alone.
     pub approximate_weight: f32,
+    /// Side of the voxels of brick maps that gather rays read, over the width of the cone of the ray.
+    pub atlas_footprint: f32,
     /// Narrowing of the biased estimates in a round of progressive rendering; `None` for an image from a single set of maps.
     pub narrowing: Option<Narrowing>,
 }
@@ -139,6 +142,8 @@ pub struct PhotonMaps {
     pub illumination: Option<IlluminationMaps>,
     /// Photons in media that scatter; empty where there are none.
     pub media: MediaMaps,
+    /// Brick maps of irradiance on disk, which gather rays read in place of the global map; `None` without them.
+    pub atlas: Option<IrradianceAtlas>,
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
     pub shadows: Option<ShadowMaps>,
 }
@@ -194,6 +199,8 @@ struct Vertex<'a> {
     depth: u32,
     /// Path length from the eye to here.
     travelled: f32,
+    /// Width of the cone of the ray that ends here: over which an average of irradiance will do; render space.
+    width: f32,
 }
 
 impl<'a> PhotonMapIntegrator<'a> {

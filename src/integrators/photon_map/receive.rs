@@ -28,6 +28,7 @@ impl PhotonMapIntegrator<'_> {
             weight: 1.0,
             depth: 1,
             travelled: 0.0,
+            width: 0.0,
         };
         let mut out = PixelSample::default();
         for (aov, radiance) in self.shade(&vertex, samples, scratch) {

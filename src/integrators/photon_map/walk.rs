@@ -12,6 +12,10 @@ use crate::scene::Scene;
 use crate::transport::{Arrival, Event, Stretch, emitted, escaped, next_event, surface_through_media};
 use std::cell::Cell;
 
+/// Width of the cone of a ray that carries so little light that its end is read from a map, over the length of its path: that of one of 256
+/// gather rays.
+const FAINT_WIDTH: f32 = 0.125;
+
 /// Parameters of following a camera ray.
 #[derive(Clone, Copy)]
 pub(super) struct Walk<'a> {
@@ -126,6 +130,7 @@ pub(super) fn walk_specular<const N: usize>(
             weight: branch.throughput.max_element(),
             depth: branch.depth + 1,
             travelled: branch.travelled + hit.distance,
+            width: FAINT_WIDTH * (branch.travelled + hit.distance),
         };
         for (aov, radiance) in shade(&vertex, samples, scratch) {
             out.add(part(aov), branch.throughput * radiance);
