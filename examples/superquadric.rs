@@ -127,6 +127,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             part_materials: Vec::new(),
             light: (name == "lamp").then_some(0),
             illumination: None,
+            charts: Vec::new(),
         });
     }
     let lambert = |reflectance| Material::Lambert { reflectance, two_sided: true };

@@ -2,8 +2,8 @@
 //!
 //! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`],
 //! [`memory`], [`observer`], [`settings`]; `embree`, `image_io`,
-//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `bricks`, `photons`; `caches`;
-//! `integrators`; [`render`]; `measure`; and `cli`, which only the program uses.
+//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `bricks`, `photons`; `caches`,
+//! `radiosity`; `integrators`; [`render`]; `measure`; and `cli`, which only the program uses.
 
 pub mod bricks;
 pub mod bsdf;
@@ -21,6 +21,7 @@ pub mod media;
 pub mod memory;
 pub mod observer;
 pub mod photons;
+pub mod radiosity;
 pub mod render;
 pub mod sampling;
 pub mod scene;

@@ -37,6 +37,8 @@ quick() {
     'cardioid render'*cornell*) ;; # 256 x 256, which references have
     'cardioid render'*--resolution*) line=$(sed -E 's/--resolution [^ ]+/--resolution 96x96/' <<<"$line") ;;
     'cardioid render'*) line+=' --resolution 96x72' ;;
+    'cardioid radiosity'*) line+=' --patches 1000 --quality draft --resolution 96x72' ;;
+    'cardioid bake'*) line+=' --patches 1000' ;;
     'cardioid probe'*) line+=' --samples 16 --batches 2 --quality draft' ;;
     'cardioid tradeoff'*) line=$(sed -E 's/--resolution [^ ]+/--resolution 16x16/' <<<"$line")' --seeds 1 --around draft' ;;
     'cardioid bench'*) line+=' --rays 2000 --runs 1 --check 100' ;;

@@ -14,7 +14,7 @@ const LAYERS: [&[&str]; 12] = [
     &["scene_file"],
     &["transport"],
     &["bricks", "photons"],
-    &["caches"],
+    &["caches", "radiosity"],
     &["integrators"],
     &["render"],
     &["measure"],

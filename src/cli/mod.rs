@@ -10,6 +10,7 @@ macro_rules! say {
     };
 }
 
+mod bake;
 mod bench_bvh;
 mod bench_caustic;
 mod bricks;
@@ -23,6 +24,7 @@ mod photons;
 mod picture;
 mod probe;
 mod progress;
+mod radiosity;
 mod render;
 mod settings;
 mod tradeoff;
@@ -61,6 +63,8 @@ enum Command {
     Render(render::RenderArgs),
     Photons(photons::PhotonsArgs),
     Bricks(bricks::BricksArgs),
+    Radiosity(radiosity::RadiosityArgs),
+    Bake(bake::BakeArgs),
     Info(info::InfoArgs),
     Compare(compare::CompareArgs),
     Probe(probe::ProbeArgs),
@@ -94,6 +98,8 @@ pub(crate) fn run() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Photons(args) => photons::run(&args),
         Command::Bricks(args) => bricks::run(&args),
+        Command::Radiosity(args) => radiosity::run(&args),
+        Command::Bake(args) => bake::run(&args),
         Command::Info(args) => info::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Probe(args) => probe::run(&args),

@@ -25,7 +25,7 @@ use std::time::{Duration, Instant};
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
     #[command(flatten)]
-    scene: SceneArgs,
+    pub(super) scene: SceneArgs,
 
     /// Picture to write: .exr (a .png is written beside it) or .png alone. Default: the scene's name in this folder.
     #[arg(short, long, value_name = "FILE")]
@@ -90,7 +90,7 @@ pub(crate) struct RenderArgs {
 
     /// No progress bars and no summary.
     #[arg(short, long)]
-    quiet: bool,
+    pub(super) quiet: bool,
 
     /// End at once where standard input ends: as `tradeoff` holds its other end, no render outlives it.
     #[arg(long, hide = true)]
@@ -98,6 +98,21 @@ pub(crate) struct RenderArgs {
 
     #[command(flatten)]
     settings: SettingsArgs,
+}
+
+impl RenderArgs {
+    /// An option that makes sense for photons alone and is given.
+    pub(super) fn option_of_rounds(&self) -> Option<&'static str> {
+        [
+            ("--time-limit", self.time_limit.is_some()),
+            ("--checkpoint", self.checkpoint.is_some()),
+            ("--resume", self.resume.is_some()),
+            ("--photon-map", self.photon_map.is_some()),
+            ("--atlas", self.atlas.is_some()),
+        ]
+        .into_iter()
+        .find_map(|(option, given)| given.then_some(option))
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -117,7 +132,7 @@ fn brick_cache(text: &str) -> Result<u64, String> {
 }
 
 /// Parses an exposure in stops.
-fn stops(text: &str) -> Result<f64, String> {
+pub(super) fn stops(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(stops) if (-100.0..=100.0).contains(&stops) => Ok(stops),
         _ => Err("write a number of stops from -100 to 100, for example -1.5: each doubles the brightness"
@@ -215,48 +230,59 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
             render_with_maps(scene, camera, &request, saved, &console)
         };
         console.finish();
-        let Rendered { film, mut statistics, stopped, checkpoint_failure } = rendered?;
-        statistics.times.scene = seconds_scene;
-        statistics.process = Some(process(start));
-        for warning in &statistics.warnings {
-            say!("warning: {warning}");
-        }
-        // The warnings of the scene were printed when it was built.
-        statistics.warnings.splice(0..0, loaded.built.warnings.iter().map(ToString::to_string));
-        if let Some(failure) = image_io::library_failure() {
-            return Err(failure.into());
-        }
-        if stopped == Some(Stop::BeforePixels) || stopped.is_some() && film.sample_count() == 0 {
-            write_statistics(args, &statistics)?;
-            say!("stopped before the first pixel: there is no picture");
-            return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
-        }
-        let developed = film.develop();
-        if developed.clamped > 0 {
-            say!(
-                "warning: {} values exceed what a file of single precision holds and were cut; lower the power of the \
-                 lights",
-                developed.clamped
-            );
-        }
-        let exposure = Exposure::choose(args, &loaded, &developed);
-        exposure.tell(args, &developed, !loaded.built.scene.lights().is_empty());
-        let mut failures = pictures.write(args, &loaded, &developed, &statistics, &exposure);
-        if !args.quiet {
-            summary(&statistics, stopped, request.settings.spp, &developed);
-            if failures.is_empty() {
-                pictures.tell();
-            }
-        }
-        failures.extend(checkpoint_failure.map(anyhow::Error::from));
-        for failure in &failures {
-            say!("error: {failure:#}");
-        }
-        if !failures.is_empty() {
-            return Ok(ExitCode::FAILURE);
-        }
-        Ok(interrupted().map_or(ExitCode::SUCCESS, ExitCode::from))
+        deliver(args, &loaded, &pictures, rendered?, (start, seconds_scene, request.settings.spp))
     })
+}
+
+/// Writes what was rendered, and reports it. The numbers are the start, the seconds until the scene was built, and the samples asked for.
+pub(super) fn deliver(
+    args: &RenderArgs,
+    loaded: &Loaded,
+    pictures: &Pictures,
+    rendered: Rendered,
+    (start, seconds_scene, asked): (Instant, f64, u32),
+) -> Result<ExitCode> {
+    let Rendered { film, mut statistics, stopped, checkpoint_failure } = rendered;
+    statistics.times.scene = seconds_scene;
+    statistics.process = Some(process(start));
+    for warning in &statistics.warnings {
+        say!("warning: {warning}");
+    }
+    // The warnings of the scene were printed when it was built.
+    statistics.warnings.splice(0..0, loaded.built.warnings.iter().map(ToString::to_string));
+    if let Some(failure) = image_io::library_failure() {
+        return Err(failure.into());
+    }
+    if stopped == Some(Stop::BeforePixels) || stopped.is_some() && film.sample_count() == 0 {
+        write_statistics(args, &statistics)?;
+        say!("stopped before the first pixel: there is no picture");
+        return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
+    }
+    let developed = film.develop();
+    if developed.clamped > 0 {
+        say!(
+            "warning: {} values exceed what a file of single precision holds and were cut; lower the power of the \
+             lights",
+            developed.clamped
+        );
+    }
+    let exposure = Exposure::choose(args, loaded, &developed);
+    exposure.tell(args, &developed, !loaded.built.scene.lights().is_empty());
+    let mut failures = pictures.write(args, loaded, &developed, &statistics, &exposure);
+    if !args.quiet {
+        summary(&statistics, stopped, asked, &developed);
+        if failures.is_empty() {
+            pictures.tell();
+        }
+    }
+    failures.extend(checkpoint_failure.map(anyhow::Error::from));
+    for failure in &failures {
+        say!("error: {failure:#}");
+    }
+    if !failures.is_empty() {
+        return Ok(ExitCode::FAILURE);
+    }
+    Ok(interrupted().map_or(ExitCode::SUCCESS, ExitCode::from))
 }
 
 /// A thread that loads OpenImageIO while the scene is rendered.
@@ -277,7 +303,7 @@ impl Drop for Loading {
     }
 }
 
-fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
+pub(super) fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
     let asked = args.settings.over(&loaded.description.render);
     let mut settings = Settings::from(&asked);
     if args.time_limit.is_some() && asked.rounds.is_none() {
@@ -393,13 +419,13 @@ impl Exposure {
 }
 
 /// Output files of the picture. They are checked before anything is rendered, because a wrong name should not cost an hour.
-struct Pictures {
+pub(super) struct Pictures {
     exr: Option<PathBuf>,
     png: PathBuf,
 }
 
 impl Pictures {
-    fn new(args: &RenderArgs) -> Result<Self> {
+    pub(super) fn new(args: &RenderArgs) -> Result<Self> {
         let output = match &args.output {
             Some(output) => output.clone(),
             None => PathBuf::from(args.scene.scene.file_stem().unwrap_or_default()).with_extension("exr"),
@@ -413,7 +439,7 @@ impl Pictures {
     }
 
     /// Checks that every file can be written and that none would overwrite another output or an input.
-    fn check(&self, args: &RenderArgs) -> Result<Outputs> {
+    pub(super) fn check(&self, args: &RenderArgs) -> Result<Outputs> {
         let read = [Some(args.scene.scene.as_path()), args.photon_map.as_deref()];
         let mut outputs = Outputs::new(read.into_iter().flatten()).overwriting(args.overwrite);
         // The checkpoint may be the file that is resumed from.
@@ -572,6 +598,9 @@ fn metadata(
         if let Some(layer) = developed.layers.iter().find(|found| found.name == layer) {
             metadata.push((key.into(), json(serde_json::to_string(&names_in(&layer.values, name_of)))?));
         }
+    }
+    if let Some(radiosity) = &statistics.radiosity {
+        metadata.push(("cardioid/radiosity".into(), json(serde_json::to_string(radiosity))?));
     }
     if let Some(rounds) = &statistics.rounds {
         metadata.push(("cardioid/rounds".into(), MetadataValue::Double(rounds.done as f64)));

@@ -23,7 +23,7 @@ pub use light_importance::{PhotonBudget, SHARE_BY_FLUX, light_importance};
 pub use path::PathTracer;
 pub use photon_map::{
     CAUSTIC_POINT_REACH, CachePass, CacheRequest, Narrowing, PhotonMapIntegrator, PhotonMapSettings,
-    PhotonMaps, Place, ShowClasses, ShowPhotons,
+    PhotonMaps, Place, RadiosityView, ShowClasses, ShowPhotons, ShowRadiosity, ShownRadiosity,
 };
 pub use receiver::{Irradiance, Receiver};
 

@@ -14,6 +14,7 @@ mod pixel_footprint;
 mod pixels;
 mod probe;
 mod progressive;
+mod radiosity;
 mod saved;
 mod settings;
 mod stats;
@@ -39,10 +40,11 @@ pub use progressive::{
     Checkpoint, CheckpointError, ErrorEstimate, RoundSize, RoundStatistics, Rounds, blank_checkpoint_bytes,
     error_of_halves, parse_checkpoint_bytes, render_in_rounds,
 };
+pub use radiosity::render_radiosity;
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};
 pub use settings::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, Settings, ShadowMode, Show};
 pub use stats::{
     AdaptiveStatistics, AtlasStatistics, CacheStatistics, IlluminationStatistics, MapStatistics,
-    MediaStatistics, MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, ShadowStatistics,
+    MediaStatistics, MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, RadiosityStatistics, ShadowStatistics,
     Statistics, Times,
 };

@@ -22,7 +22,8 @@ use crate::film::{
 };
 use crate::integrators::{
     CacheRequest, Counters, EyeRay, GlintView, Integrator, PathTracer, PhotonMapIntegrator,
-    PhotonMapSettings, PhotonMaps, Scratch, ShadowCounters, ShowClasses, ShowPhotons,
+    PhotonMapSettings, PhotonMaps, RadiosityView, Scratch, ShadowCounters, ShowClasses, ShowPhotons,
+    ShowRadiosity,
 };
 use crate::math::Rgb;
 use crate::media::{Medium, MediumStack};
@@ -399,6 +400,11 @@ impl PassTwo<'_> {
     /// The integrator of the settings, without an irradiance cache.
     fn integrator(&self, medium: MediumStack) -> Box<dyn Integrator + '_> {
         let Self { scene, settings, plan, maps, reading, .. } = *self;
+        let shown = maps.radiosity.as_ref();
+        if let Some(shown) = shown.filter(|it| matches!(it.view, RadiosityView::Flat | RadiosityView::Smooth))
+        {
+            return Box::new(ShowRadiosity::new(scene, shown, reading, medium));
+        }
         match settings.integrator {
             IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
                 Box::new(PhotonMapIntegrator::new(scene, maps, plan, reading, medium))
@@ -592,6 +598,7 @@ pub(super) fn statistics(
             budget: atlas.budget(),
             ..AtlasStatistics::default()
         }),
+        radiosity: None,
         adaptive: None,
         shadows: pass_one.shadows,
         seconds_shadows: pass_one.seconds_shadows,

@@ -2,8 +2,9 @@
 
 use super::progressive::RoundStatistics;
 use crate::bricks::{AtlasCounts, BrickCounters};
-use crate::integrators::{Counters, ShadowCounters};
+use crate::integrators::{Counters, RadiosityView, ShadowCounters};
 use crate::memory::Resident;
+use crate::radiosity::RadiosityReport;
 use crate::scene::{MapKind, RenderPlan};
 use serde::{Deserialize, Serialize};
 
@@ -207,6 +208,16 @@ pub struct ProcessStatistics {
     pub peak_memory: Option<u64>,
 }
 
+/// A radiosity solution and how it is shown.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RadiosityStatistics {
+    /// How it is shown.
+    pub view: RadiosityView,
+    /// Its figures.
+    #[serde(flatten)]
+    pub solution: RadiosityReport,
+}
+
 /// The complete statistics that `--stats` writes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Statistics {
@@ -248,6 +259,9 @@ pub struct Statistics {
     /// The irradiance atlas on disk, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub atlas: Option<AtlasStatistics>,
+    /// The radiosity solution, where the picture shows one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radiosity: Option<RadiosityStatistics>,
     /// Adaptive samples, where they were requested.
     pub adaptive: Option<AdaptiveStatistics>,
     /// Bytes of the distributions that guide directions.

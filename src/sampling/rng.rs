@@ -36,6 +36,10 @@ pub enum Stream {
     VolumeBeams = 24,
     /// Photons that media scatter.
     VolumePhotons = 25,
+    /// Rays between patches of radiosity.
+    Radiosity = 26,
+    /// Shadow rays from patches of radiosity to light sources without a surface.
+    RadiosityLights = 27,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea & Flood 2014; constants of Stafford's variant 13): every input bit

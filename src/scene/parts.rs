@@ -9,6 +9,7 @@ use crate::embree::{CommittedScene, Procedural, TriangleBuffers};
 use crate::lights::{Light, LightId};
 use crate::math::unit;
 use crate::media::Medium;
+use crate::shapes::Chart;
 use crate::textures::VertexData;
 use glam::Vec3;
 use std::sync::Arc;
@@ -65,6 +66,8 @@ pub struct Surface {
     pub light: Option<LightId>,
     /// Coordinates of an illumination map, which sums up photons instead of storing them in photon maps.
     pub illumination: Option<Arc<IlluminatedShape>>,
+    /// Coordinates on all parts of the surface, in the space of its geometry, for patches of radiosity; empty where there are none.
+    pub charts: Vec<Chart>,
 }
 
 impl Surface {

@@ -2,7 +2,7 @@
 
 use super::{ShapeError, finite, positive_radius, tangents};
 use crate::math::unit_f64;
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 /// Coordinates in `[0, 1]^2` on a surface. Equal areas in the square are equal areas on the surface.
@@ -104,6 +104,73 @@ impl Chart {
         place.clamp(DVec2::ZERO, DVec2::ONE)
     }
 
+    /// The surface point with these coordinates, the inverse of [`Self::locate`].
+    pub fn point(&self, place: DVec2) -> DVec3 {
+        match self {
+            Self::Parallelogram { corner, .. } => {
+                let [u, v] = self.edges();
+                corner + place.x * u + place.y * v
+            }
+            Self::Sphere { center, radius } => {
+                let height = 2.0 * place.y - 1.0;
+                let (s, c) = (TAU * place.x).sin_cos();
+                let across = (1.0 - height * height).max(0.0).sqrt();
+                center + *radius * DVec3::new(across * c, across * s, height)
+            }
+            Self::Cylinder { base, frame: [axis, x, y], height, radius } => {
+                let (s, c) = (TAU * place.x).sin_cos();
+                base + *axis * (place.y * height) + *radius * (*x * c + *y * s)
+            }
+            Self::Disc { center, frame: [_, x, y], radius } => {
+                let d = disc_of_square(2.0 * place - 1.0);
+                center + *radius * (*x * d.x + *y * d.y)
+            }
+        }
+    }
+
+    /// The edges of a parallelogram; zero for other charts.
+    fn edges(&self) -> [DVec3; 2] {
+        match self {
+            Self::Parallelogram { duals: [a, b], normal, .. } => {
+                let (u, v) = (b.cross(*normal), normal.cross(*a));
+                [u / a.dot(u), v / b.dot(v)]
+            }
+            Self::Sphere { .. } | Self::Cylinder { .. } | Self::Disc { .. } => [DVec3::ZERO; 2],
+        }
+    }
+
+    /// The same chart under a similarity with this factor on lengths.
+    ///
+    /// # Errors
+    /// Where numbers leave the range of a chart.
+    pub fn transformed(&self, transform: &DAffine3, scale: f64) -> Result<Self, ShapeError> {
+        let point = |p: DVec3| transform.transform_point3(p);
+        let turn = |v: DVec3| transform.transform_vector3(v) / scale;
+        match self {
+            Self::Parallelogram { corner, .. } => {
+                let [u, v] = self.edges().map(|edge| transform.transform_vector3(edge));
+                Self::parallelogram(point(*corner), u, v)
+            }
+            Self::Sphere { center, radius } => Self::sphere(point(*center), radius * scale),
+            Self::Cylinder { base, frame, height, radius } => Ok(Self::Cylinder {
+                base: finite(point(*base))?,
+                frame: frame.map(turn),
+                height: height * scale,
+                radius: positive_radius(radius * scale)?,
+            }),
+            Self::Disc { center, frame, radius } => Ok(Self::Disc {
+                center: finite(point(*center))?,
+                frame: frame.map(turn),
+                radius: positive_radius(radius * scale)?,
+            }),
+        }
+    }
+
+    /// Whether the surface lies in a plane.
+    pub fn is_flat(&self) -> bool {
+        matches!(self, Self::Parallelogram { .. } | Self::Disc { .. })
+    }
+
     /// Area of the surface.
     pub fn area(&self) -> f64 {
         match self {
@@ -177,6 +244,20 @@ fn square_of_disc(p: DVec2) -> DVec2 {
     }
 }
 
+/// The inverse of [`square_of_disc`].
+fn disc_of_square(p: DVec2) -> DVec2 {
+    if p == DVec2::ZERO {
+        return p;
+    }
+    if p.x.abs() >= p.y.abs() {
+        let (s, c) = (0.25 * PI * p.y / p.x).sin_cos();
+        p.x * DVec2::new(c, s)
+    } else {
+        let (s, c) = (0.25 * PI * p.x / p.y).sin_cos();
+        p.y * DVec2::new(s, c)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -226,6 +307,7 @@ mod tests {
                 let (p, normal) = sample(rng.next_2d());
                 assert!(chart.distance(p) < 1e-9 && chart.normal(p).dot(normal) > 0.999_999, "{chart:?}");
                 let place = chart.locate(p);
+                assert!(chart.point(place).distance(p) < 1e-9, "{chart:?}");
                 assert!(place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all());
                 let element = (place * 8.0).as_uvec2().min(glam::UVec2::splat(7));
                 counts[(element.y * 8 + element.x) as usize] += 1;

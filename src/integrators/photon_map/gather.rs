@@ -152,13 +152,14 @@ impl PhotonMapIntegrator<'_> {
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Gain {
-        if self.maps.global.is_none() && self.maps.atlas.is_none() && !self.bsdf_sampling {
+        let has_source = self.maps.global.is_some() || self.maps.atlas.is_some() || self.maps.radiosity.is_some();
+        if !(has_source || self.bsdf_sampling) {
             return Gain::default();
         }
         let count = ((self.settings.gather_samples as f32 * vertex.share).ceil() as u32).max(1);
         // Reserved even where they are not needed, so that the cache changes no other random number of the camera sample.
         let splits = samples.splits(self.settings.gather_samples);
-        let cached = self.cached(vertex, scratch);
+        let cached = self.from_patches(vertex).or_else(|| self.cached(vertex, scratch));
         if let (Some(indirect), false) = (cached, self.bsdf_sampling) {
             return Gain { indirect, ..Gain::default() };
         }
@@ -416,7 +417,10 @@ impl PhotonMapIntegrator<'_> {
     /// Whether the maps hold indirect light. An empty map causes a warning, and nothing replaces it.
     pub(super) fn has_photons(&self) -> bool {
         let is_lit = self.maps.illumination.as_ref().is_some_and(|maps| maps.sizes().photons > 0);
-        is_lit || self.maps.atlas.is_some() || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
+        is_lit
+            || self.maps.atlas.is_some()
+            || self.maps.radiosity.is_some()
+            || self.maps.global.as_ref().is_some_and(|map| !map.is_empty())
     }
 
     /// Whether a surface is so close that the blur of the map would show, and its weight is large enough to matter.
@@ -472,6 +476,9 @@ impl PhotonMapIntegrator<'_> {
     /// too, the random numbers are derived from the position and `u`.
     pub(super) fn approximate(&self, at: &Vertex<'_>, u: f32, scratch: &mut Scratch) -> Option<Rgb> {
         let Vertex { hit, shading, .. } = *at;
+        if let Some(radiance) = self.behind_from_patches(at) {
+            return Some(radiance);
+        }
         if let Some(radiance) = self.summed_up(hit, shading, IlluminationMaps::all, scratch) {
             return Some(radiance);
         }

@@ -11,6 +11,7 @@ mod receive;
 mod reuse;
 mod show;
 mod show_classes;
+mod show_radiosity;
 mod walk;
 
 pub use cache::{CachePass, CacheRequest};
@@ -18,6 +19,7 @@ pub use lookup::Place;
 pub use narrowing::Narrowing;
 pub use show::ShowPhotons;
 pub use show_classes::ShowClasses;
+pub use show_radiosity::{RadiosityView, ShowRadiosity, ShownRadiosity};
 
 use super::direct::{DirectLighting, Reflected};
 use super::{Directions, EyeRay, Integrator, Scratch};
@@ -146,6 +148,8 @@ pub struct PhotonMaps {
     pub atlas: Option<IrradianceAtlas>,
     /// Direct and shadow photons, by light; `None` where every shadow ray is traced.
     pub shadows: Option<ShadowMaps>,
+    /// A radiosity solution, which is read in place of photons; `None` where photons are.
+    pub radiosity: Option<ShownRadiosity>,
 }
 
 impl PhotonMaps {

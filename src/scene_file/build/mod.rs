@@ -35,7 +35,7 @@ use crate::scene::{
     Bump, Geometry, IlluminatedShape, LightNote, Material, MaterialTexture, Node, Placement, RenderSpace,
     Scene, SceneParts, Surface, Target,
 };
-use crate::shapes::{EmitterShape, ShapeError};
+use crate::shapes::{Chart, EmitterShape, ShapeError};
 use glam::{DAffine3, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -544,6 +544,7 @@ impl<'a> Builder<'a> {
                 self.add_distorted(index, &total, device, &mut top, &mut assembly)?;
                 continue;
             }
+            let charts = self.charts(index, &total);
             let illumination =
                 self.illumination(index, &total).map_err(|problem| error_of(shape, problem))?;
             // A mesh that is placed once is transformed in place, without a copy.
@@ -557,6 +558,7 @@ impl<'a> Builder<'a> {
             self.add_surface(index, placed, &mut top, &mut assembly)?;
             if let Some(surface) = assembly.surfaces.last_mut() {
                 surface.illumination = illumination;
+                surface.charts = charts;
             }
         }
         self.add_groups(&instanced, &to_render, device, &mut top, &mut assembly)?;
@@ -669,7 +671,8 @@ impl<'a> Builder<'a> {
                 let placed = self.place(index, &(local * self.sources[index].1), false)?;
                 self.add_geometry(index, &mut builder, &placed.geometry)?;
                 let flip = shape.value.flip_normal != placed.flip;
-                assembly.surfaces.push(self.surface(index, placed.geometry, flip));
+                let charts = self.charts(index, &(local * self.sources[index].1));
+                assembly.surfaces.push(Surface { charts, ..self.surface(index, placed.geometry, flip) });
             }
             let committed = Arc::new(builder.commit().map_err(|problem| error(problem.into()))?);
             for instance in self.description.instances.iter().filter(|i| i.value.group == group) {
@@ -701,7 +704,14 @@ impl<'a> Builder<'a> {
             part_materials: self.part_materials(index),
             light: None,
             illumination: None,
+            charts: Vec::new(),
         }
+    }
+
+    /// The charts of shape `index` under `total`; none where it has no coordinates.
+    fn charts(&self, index: usize, total: &DAffine3) -> Vec<Chart> {
+        // A shape that is too degenerate for a chart is reported where it is placed.
+        self.sources[index].0.charts(total).ok().flatten().unwrap_or_default()
     }
 
     /// The illumination map of shape `index` under `total`, where it is to have one.
