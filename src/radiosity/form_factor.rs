@@ -171,13 +171,13 @@ impl FormFactors<'_> {
             let position = view.element.domain.point(&view.model.charts, u);
             (position, view.model.normal(view.element, position))
         };
-        for s in 0..count {
-            for t in 0..count {
+        for (s, at_p) in of_p[..count].iter_mut().enumerate() {
+            for (t, at_q) in of_q[..count].iter_mut().enumerate() {
                 let (x, y) = (point(p, s), point(q, t));
                 let Some(weight) = kernel(x, y).filter(|weight| *weight > 0.0) else { continue };
                 let (from, to) = ((x.0 + x.1 * OFF).as_vec3(), (y.0 + y.1 * OFF).as_vec3());
                 let arrives = if self.scene.occluded(&Ray::segment(from, to)) { 0.0 } else { weight };
-                for sums in [&mut of_p[s], &mut of_q[t]] {
+                for sums in [&mut *at_p, at_q] {
                     sums.0 += weight;
                     sums.1 += arrives;
                 }

@@ -105,9 +105,9 @@ impl Model {
                 Node::Surface(index) => model.add(scene, *index, None)?,
                 Node::Instance { first, placement } => {
                     // The surfaces of a prototype follow each other up to those of the next node.
-                    let next = scene.nodes().iter().filter_map(|other| match other {
-                        Node::Surface(index) => Some(*index),
-                        Node::Instance { first, .. } => Some(*first),
+                    let next = scene.nodes().iter().map(|other| match other {
+                        Node::Surface(index) => *index,
+                        Node::Instance { first, .. } => *first,
                     });
                     let end = next.filter(|start| start > first).min();
                     let end = end.unwrap_or(scene.surfaces().len() as u32);

@@ -157,7 +157,9 @@ fn the_furnace() {
             let worst = lit.iter().map(|(_, radiosity)| (radiosity / exact - 1.0).abs()).fold(0.0, f64::max);
             println!("{name}, {method:?}: mean {:.5}, worst patch {worst:.4}", mean / exact);
             assert!((mean / exact - 1.0).abs() < 0.005, "{name}, {method:?}: {mean} for {exact}");
-            assert!(worst < 0.06, "{name}, {method:?}: {worst}");
+            // Links of large elements spread evenly over them what corners get less or more of.
+            let most = if method == Method::Hierarchy { 0.15 } else { 1e-3 };
+            assert!(worst < most, "{name}, {method:?}: {worst}");
         }
     }
 }
@@ -168,8 +170,8 @@ fn parallel_plates() {
     let text = grey(0.7)
         + &quad("[0, 0, 0]", "[0, 0, 1]", "[1, 0, 0]", GLOWS)
         + &quad("[0, 1, 0]", "[1, 0, 0]", "[0, 0, 1]", "");
-    let (factor, reflectance, exitance) = (0.199_824_895_7, 0.7, std::f64::consts::PI);
-    let first = exitance / (1.0 - (reflectance * factor as f64).powi(2));
+    let (factor, reflectance, exitance) = (0.199_824_895_7f64, 0.7, std::f64::consts::PI);
+    let first = exitance / (1.0 - (reflectance * factor).powi(2));
     for method in [Method::Matrix, Method::Shooting, Method::Hierarchy] {
         let built = built(&text);
         let solution = Radiosity::compute(&built.scene, &options(method, 4), None, None, &Silent).unwrap();

@@ -3,6 +3,7 @@
 use super::PatchIrradiance;
 use super::domain::{Domain, Local};
 use super::model::{Element, Model, NONE};
+use crate::math::Rgb;
 use crate::scene::{Geometry, Scene};
 use glam::{DVec2, DVec3};
 use std::collections::HashMap;
@@ -144,9 +145,13 @@ impl Vertices {
                 let group = groups.find_or_add(place, element.normal, least(element));
                 corners[index][number] = group;
                 let group = &mut groups.all[group as usize];
-                let PatchIrradiance { direct, indirect } = at_corners[index][number];
-                group.sum[0] += direct.as_dvec3();
-                group.sum[1] += indirect.as_dvec3();
+                // A patch that nothing reaches lies under what stands on it, and must not darken the patches beside it.
+                let value = at_corners[index][number];
+                if value.total() == Rgb::ZERO {
+                    continue;
+                }
+                group.sum[0] += value.direct.as_dvec3();
+                group.sum[1] += value.indirect.as_dvec3();
                 group.count += 1.0;
             }
         }
@@ -154,8 +159,8 @@ impl Vertices {
             .all
             .iter()
             .map(|group| PatchIrradiance {
-                direct: (group.sum[0] / group.count).as_vec3(),
-                indirect: (group.sum[1] / group.count).as_vec3(),
+                direct: (group.sum[0] / group.count.max(1.0)).as_vec3(),
+                indirect: (group.sum[1] / group.count.max(1.0)).as_vec3(),
             })
             .collect();
         // Where smaller patches meet the edge of a larger one, their corners take its value, so that the picture has no seams. Large

@@ -159,7 +159,7 @@ impl PhotonMapIntegrator<'_> {
         let count = ((self.settings.gather_samples as f32 * vertex.share).ceil() as u32).max(1);
         // Reserved even where they are not needed, so that the cache changes no other random number of the camera sample.
         let splits = samples.splits(self.settings.gather_samples);
-        let cached = self.from_patches(vertex).or_else(|| self.cached(vertex, scratch));
+        let cached = self.patches_shown(vertex).or_else(|| self.cached(vertex, scratch));
         if let (Some(indirect), false) = (cached, self.bsdf_sampling) {
             return Gain { indirect, ..Gain::default() };
         }
@@ -476,7 +476,7 @@ impl PhotonMapIntegrator<'_> {
     /// too, the random numbers are derived from the position and `u`.
     pub(super) fn approximate(&self, at: &Vertex<'_>, u: f32, scratch: &mut Scratch) -> Option<Rgb> {
         let Vertex { hit, shading, .. } = *at;
-        if let Some(radiance) = self.behind_from_patches(at) {
+        if let Some(radiance) = self.patches_behind(at) {
             return Some(radiance);
         }
         if let Some(radiance) = self.summed_up(hit, shading, IlluminationMaps::all, scratch) {

@@ -43,7 +43,7 @@ fn reflected(shading: &Shading, irradiance: Rgb) -> Option<Rgb> {
 
 impl PhotonMapIntegrator<'_> {
     /// Indirect radiance of a surface that the eye sees, where a solution is shown without gather rays.
-    pub(super) fn from_patches(&self, vertex: &Vertex<'_>) -> Option<Rgb> {
+    pub(super) fn patches_shown(&self, vertex: &Vertex<'_>) -> Option<Rgb> {
         let shown = self.maps.radiosity.as_ref()?;
         match shown.view {
             RadiosityView::Gather => {
@@ -54,7 +54,7 @@ impl PhotonMapIntegrator<'_> {
     }
 
     /// All radiance of a surface on which a gather ray ends, where it is read from a solution.
-    pub(super) fn behind_from_patches(&self, at: &Vertex<'_>) -> Option<Rgb> {
+    pub(super) fn patches_behind(&self, at: &Vertex<'_>) -> Option<Rgb> {
         let shown = self.maps.radiosity.as_ref()?;
         reflected(at.shading, shown.solution.interpolated(at.hit).total())
     }
