@@ -45,6 +45,6 @@ pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps}
 pub use settings::{GuideKind, IntegratorKind, MapKind, Overrides, Quality, Settings, ShadowMode, Show};
 pub use stats::{
     AdaptiveStatistics, AtlasStatistics, CacheStatistics, IlluminationStatistics, MapStatistics,
-    MediaStatistics, MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics, RadiosityStatistics, ShadowStatistics,
-    Statistics, Times,
+    MediaStatistics, MemoryStatistics, PhotonMapFile, PhotonStatistics, ProcessStatistics,
+    RadiosityStatistics, ShadowStatistics, Statistics, Times,
 };

@@ -152,7 +152,8 @@ impl PhotonMapIntegrator<'_> {
         samples: &mut SampleStream,
         scratch: &mut Scratch,
     ) -> Gain {
-        let has_source = self.maps.global.is_some() || self.maps.atlas.is_some() || self.maps.radiosity.is_some();
+        let has_source =
+            self.maps.global.is_some() || self.maps.atlas.is_some() || self.maps.radiosity.is_some();
         if !(has_source || self.bsdf_sampling) {
             return Gain::default();
         }
