@@ -27,7 +27,14 @@ fn load(scene: &str, mesh: Option<&str>) -> BuiltScene {
 }
 
 fn settings() -> TraceSettings {
-    TraceSettings { kind: MapKind::Global, stored: 0, seed: 1, max_depth: 1000, aimed: true }
+    TraceSettings {
+        kind: MapKind::Global,
+        stored: 0,
+        seed: 1,
+        max_depth: 1000,
+        aimed: true,
+        wavelengths: Default::default(),
+    }
 }
 
 /// Median times of two works that take turns, so that whatever else the machine does troubles both.

@@ -28,7 +28,8 @@ const SEEDS: u64 = 4;
 type Place = (Vec3, Vec3);
 
 fn trace(scene: &Scene, kind: MapKind, stored: u64, seed: u64) -> Result<PhotonMap, Box<dyn Error>> {
-    let settings = TraceSettings { kind, stored, seed, max_depth: 1000, aimed: true };
+    let settings =
+        TraceSettings { kind, stored, seed, max_depth: 1000, aimed: true, wavelengths: Default::default() };
     let traced = trace_photons(scene, &settings, &|_, _| true).ok_or("no photons")?;
     Ok(PhotonMap::build(traced.photons, traced.emitted))
 }

@@ -161,7 +161,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("|---|---|---|---|---|---|---|---|---|");
     let mut stored = 10_000;
     while stored <= most {
-        let settings = TraceSettings { kind: MapKind::Global, stored, seed: 0, max_depth: 1000, aimed: true };
+        let settings = TraceSettings {
+            kind: MapKind::Global,
+            stored,
+            seed: 0,
+            max_depth: 1000,
+            aimed: true,
+            wavelengths: Default::default(),
+        };
         let traced = trace_photons(&scene, &settings, &|_, _| true).ok_or("no photons")?;
         let mut rng = Rng::new(1, Stream::Measure, 0);
         let count = traced.photons.len();

@@ -135,6 +135,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let medium = |name: &str, ior, rank| Medium {
         name: name.to_owned(),
         ior,
+        dispersion: None,
         absorption: Rgb::ZERO,
         volume: None,
         rank,

@@ -28,5 +28,6 @@ pub mod scene;
 pub mod scene_file;
 pub mod settings;
 pub mod shapes;
+pub mod spectra;
 pub mod textures;
 pub mod transport;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Rooms by layer; each may use those of its own layer and of the layers above it in this list.
 const LAYERS: [&[&str]; 12] = [
     &["math", "sampling", "files", "memory", "observer", "settings"],
-    &["embree", "image_io", "film"],
+    &["embree", "image_io", "film", "spectra"],
     &["shapes", "textures", "bsdf", "media", "lights", "camera"],
     &["scene"],
     &["scene_file"],

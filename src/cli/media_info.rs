@@ -5,6 +5,7 @@ use cardioid::math::Rgb;
 use cardioid::media::density::{Density, Line};
 use cardioid::media::{AIR, MediumId, Volume};
 use cardioid::scene::{Scene, Target};
+use cardioid::spectra::LineIndices;
 use glam::DVec3;
 use serde::Serialize;
 
@@ -13,6 +14,8 @@ use serde::Serialize;
 pub(super) struct DescribedMedium {
     name: String,
     ior: f32,
+    /// Abbe number; none where the index is the same at each wavelength.
+    abbe: Option<f64>,
     /// Kind of density; for media that scatter, absorb or emit by a volume.
     density: Option<String>,
     /// Metres where the density is one, by channel; none where nothing is lost.
@@ -44,6 +47,7 @@ pub(super) fn describe_media(scene: &Scene) -> Vec<DescribedMedium> {
         DescribedMedium {
             name: medium.name.clone(),
             ior: medium.ior,
+            abbe: medium.dispersion.as_ref().map(LineIndices::abbe),
             density: volume.map(|volume| kind_of(volume.density())),
             mean_free_path: extinction.to_array().map(path),
             optical_depth: body.map(|body| depths(volume.map(Volume::density), extinction, body)),
@@ -63,6 +67,9 @@ impl DescribedMedium {
         };
         if self.ior != 1.0 {
             text += &format!(", index {}", self.ior);
+            if let Some(abbe) = self.abbe {
+                text += &format!(" at the d line, Abbe number {abbe:.2}");
+            }
         }
         if self.mean_free_path.iter().any(Option::is_some) {
             let shown = self.mean_free_path.map(|path| path.map_or("endless".to_owned(), four_digits));

@@ -14,9 +14,11 @@ use crate::media::MediumStack;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, SurfaceInteraction};
+use crate::settings::Wavelengths;
+use crate::spectra::{Line, at_line};
 use crate::transport::{
     Arrival, Collision, Event, MisPartner, emitted, escaped, first_surface, next_event, next_event_in_media,
-    receiver,
+    receiver, refracted_at,
 };
 use glam::Vec3;
 use std::cell::Cell;
@@ -32,6 +34,7 @@ pub struct PathTracer<'a> {
     guide: Option<&'a DirectionGuide>,
     max_depth: u32,
     camera_medium: MediumStack,
+    wavelengths: Wavelengths,
 }
 
 /// Which part of the image receives the light that reaches a path, by the surfaces that the path has met since the camera.
@@ -79,7 +82,12 @@ impl<'a> PathTracer<'a> {
     /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
     pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumStack) -> Self {
         let direct = DirectLighting::new(scene, 1, true);
-        Self { scene, direct, guide: None, max_depth, camera_medium }
+        Self { scene, direct, guide: None, max_depth, camera_medium, wavelengths: Wavelengths::default() }
+    }
+
+    /// The same path tracer, whose paths take these wavelengths where light is dispersed.
+    pub fn with_wavelengths(self, wavelengths: Wavelengths) -> Self {
+        Self { wavelengths, ..self }
     }
 
     /// The same path tracer, with directions guided by photons.
@@ -94,6 +102,8 @@ struct State<'a> {
     /// The camera's ray and the specular chain since; `None` once the path has met any other surface.
     seen: Option<(&'a EyeRay<'a>, Chain)>,
     throughput: Rgb,
+    /// The wavelength of the path since it was dispersed; later factors are taken at this wavelength.
+    line: Option<Line>,
     medium: MediumStack,
     class: Class,
     partner: Option<MisPartner>,
@@ -112,12 +122,33 @@ impl<'a> State<'a> {
             ray,
             seen: None,
             throughput: Rgb::ONE,
+            line: None,
             medium,
             class: Class::Camera,
             partner: None,
             collided: None,
             chain: 0,
             guidance: 1.0,
+        }
+    }
+
+    /// Light of radiance `rgb` that arrives along the ray, as the camera receives it.
+    #[inline]
+    fn received(&self, rgb: Rgb) -> Rgb {
+        self.throughput * at_line(self.line, rgb)
+    }
+
+    /// Multiplies the throughput by a factor.
+    #[inline]
+    fn pass(&mut self, factor: Rgb) {
+        self.throughput *= at_line(self.line, factor);
+    }
+
+    /// Takes a wavelength, if paths have one.
+    fn disperse(&mut self, wavelengths: Wavelengths, samples: &mut SampleStream) {
+        self.line = Line::choose(wavelengths, samples.next_1d());
+        if let Some(line) = self.line {
+            self.throughput = line.taken_by(self.throughput);
         }
     }
 }
@@ -128,21 +159,36 @@ impl PathTracer<'_> {
         &self,
         state: &mut State<'_>,
         hit: &SurfaceInteraction,
-        directions: &Directions<'_>,
+        (directions, reflected): (&Directions<'_>, Option<Rgb>),
         depth: u32,
         samples: &mut SampleStream,
     ) -> bool {
         let shading = directions.shading;
         let u_lobe = if shading.bsdf.chooses() || directions.draws_lobe() { samples.next_1d() } else { 0.0 };
         let u = if shading.bsdf.is_delta() { glam::Vec2::ZERO } else { samples.next_2d() };
-        let Some(sample) = directions.sample(u_lobe, u) else { return false };
+        let Some(mut sample) = directions.sample(u_lobe, u) else { return false };
+        let at_wavelength;
+        let shading = match reflected {
+            Some(colour) if !sample.transmission => {
+                state.throughput *= colour;
+                shading
+            }
+            Some(_) => {
+                state.disperse(self.wavelengths, samples);
+                at_wavelength = self.scene.shading_for(hit, state.medium, state.line);
+                let Some(refracted) = refracted_at(&at_wavelength, shading) else { return false };
+                sample = refracted;
+                &at_wavelength
+            }
+            None => shading,
+        };
         let direction = shading.frame.to_world(sample.wi);
         let Some(medium) =
             self.scene.medium_after(state.medium, hit, shading, direction, sample.transmission)
         else {
             return false;
         };
-        state.throughput *= sample.throughput;
+        state.pass(sample.throughput);
         state.chain = if sample.lobe == Lobe::Diffuse { 0 } else { state.chain + 1 };
         let Some(weight) = chain_roulette(state.chain, || samples.next_1d()) else { return false };
         state.throughput *= weight;
@@ -170,7 +216,7 @@ impl PathTracer<'_> {
 
 /// Plays Russian roulette by the brightest channel; returns `false` where the path ends.
 fn survives(state: &mut State<'_>, depth: u32, samples: &mut SampleStream) -> bool {
-    let brightest = state.throughput.max_element() / state.guidance;
+    let brightest = state.throughput.abs().max_element() / state.guidance;
     if !(brightest > 0.0) {
         return false;
     }
@@ -201,16 +247,18 @@ impl<'a> PathTracer<'a> {
         {
             describe_first_hit(out, self.scene, &hit);
         }
-        let (throughput, u) = (state.throughput, samples.next_1d());
+        let (throughput, line, u) = (state.throughput, state.line, samples.next_1d());
         let direct_part = state.class.after(Lobe::Diffuse).part();
+        // What decides between the channels of media.
+        let weights = line.map_or(throughput, Line::primaries);
         let passage =
-            next_event_in_media(self.scene, &state.ray, &mut state.medium, (throughput, u), |stretch| {
-                let there = throughput * stretch.weight;
+            next_event_in_media(self.scene, &state.ray, &mut state.medium, (weights, u), |stretch| {
+                let there = weights * stretch.weight;
                 let direct = self.direct.scattered(stretch, (there, true, 1), samples, scratch);
-                out.add(direct_part, there * direct);
+                out.add(direct_part, throughput * at_line(line, stretch.weight * direct));
             });
-        out.add(state.class.part(), throughput * passage.emitted);
-        state.throughput *= passage.weight;
+        out.add(state.class.part(), state.received(passage.emitted));
+        state.pass(passage.weight);
         passage.event
     }
 
@@ -261,7 +309,7 @@ impl<'a> PathTracer<'a> {
             scratch.counters.path_rays += u64::from(depth > 0);
             let (seen, ray, rare) = (state.seen, state.ray, Cell::new(0));
             let glint = |id| seen.map_or(1.0, |(eye, chain)| eye.lamp_weight(&chain, id, &ray, &rare));
-            let before = state.throughput;
+            let before = state.line.map_or(state.throughput, Line::primaries);
             let arrival = match self.next_event(&mut state, depth, samples, (scratch, out)) {
                 Event::Surface(arrival) => arrival,
                 Event::Medium(collision) => {
@@ -272,7 +320,7 @@ impl<'a> PathTracer<'a> {
                 }
                 Event::Escape => {
                     let found = escaped(self.scene, state.ray.direction, self.partner(&state, None), glint);
-                    out.add(state.class.part(), state.throughput * found);
+                    out.add(state.class.part(), state.received(found));
                     scratch.counters.rare_glints += rare.get();
                     return;
                 }
@@ -284,12 +332,22 @@ impl<'a> PathTracer<'a> {
             if passed_null_interface {
                 state.partner = None;
             }
-            arrival.attenuate(&mut state.throughput);
+            if let Some(transmittance) = arrival.transmittance {
+                state.pass(transmittance);
+            }
             let partner = self.partner(&state, self.scene.surface(&hit).light);
             let found = emitted(self.scene, &hit, partner, glint);
-            out.add(state.class.part(), state.throughput * found);
+            out.add(state.class.part(), state.received(found));
             scratch.counters.rare_glints += rare.get();
-            let shading = self.scene.shading_within(&hit, state.medium);
+            let mut shading = self.scene.shading_for(&hit, state.medium, state.line);
+            let mut reflected = None;
+            if shading.disperses && state.line.is_none() && self.wavelengths != Wavelengths::Off {
+                reflected = self.scene.reflected_colour(&hit, state.medium, &shading, self.wavelengths);
+                if reflected.is_none() {
+                    state.disperse(self.wavelengths, samples);
+                    shading = self.scene.shading_for(&hit, state.medium, state.line);
+                }
+            }
             let directions = Directions::new(self.guide, &hit, &shading, &mut scratch.counters);
             if shading.bsdf.has_specular() || shading.bsdf.has_glossy() {
                 scratch.counters.interfaces += 1;
@@ -298,10 +356,10 @@ impl<'a> PathTracer<'a> {
             }
             if shading.bsdf.has_diffuse() || shading.bsdf.has_glossy() {
                 let direct = self.direct.radiance(&hit, &directions, state.medium, samples, scratch);
-                out.add(state.class.after(Lobe::Diffuse).part(), state.throughput * direct.diffuse);
-                out.add(state.class.after(Lobe::Glossy).part(), state.throughput * direct.glossy);
+                out.add(state.class.after(Lobe::Diffuse).part(), state.received(direct.diffuse));
+                out.add(state.class.after(Lobe::Glossy).part(), state.received(direct.glossy));
             }
-            if !self.scatter(&mut state, &hit, &directions, depth, samples) {
+            if !self.scatter(&mut state, &hit, (&directions, reflected), depth, samples) {
                 return;
             }
         }
@@ -322,7 +380,7 @@ impl<'a> PathTracer<'a> {
         let direct = self.direct.radiance(hit, &directions, medium, samples, scratch);
         out.add(Aov::Direct, direct.diffuse);
         let mut state = State::new(Ray::new(hit.point.position, hit.facing_normal()), medium);
-        if self.scatter(&mut state, hit, &directions, 0, samples) {
+        if self.scatter(&mut state, hit, (&directions, None), 0, samples) {
             self.follow(state, 1, samples, scratch, &mut out);
         }
         Irradiance::of_white(&out)

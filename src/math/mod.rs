@@ -5,7 +5,6 @@
 //! with higher demands on precision, use `f64`.
 
 mod bounds;
-pub(crate) mod cie;
 mod equal_area;
 mod frame;
 mod octahedral;

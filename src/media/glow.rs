@@ -1,7 +1,7 @@
 //! Emission of a medium whose temperature varies.
 
 use super::density::Grid;
-use crate::math::cie::black_body;
+use crate::spectra::cie::black_body;
 use glam::DVec3;
 
 /// Steps of the table.

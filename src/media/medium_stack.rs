@@ -178,8 +178,14 @@ mod tests {
 
     /// Air and media of these ranks.
     fn media(ranks: &[u32]) -> Vec<Medium> {
-        let medium =
-            |rank| Medium { name: String::new(), ior: 1.0, absorption: Rgb::ZERO, volume: None, rank };
+        let medium = |rank| Medium {
+            name: String::new(),
+            ior: 1.0,
+            dispersion: None,
+            absorption: Rgb::ZERO,
+            volume: None,
+            rank,
+        };
         std::iter::once(u32::MAX).chain(ranks.iter().copied()).map(medium).collect()
     }
 

@@ -28,6 +28,7 @@ pub use vdb::{DENSITY, FLAMES, TEMPERATURE, VdbError, VdbGrid, VdbSize, read_vdb
 pub use volume::Volume;
 
 use crate::math::Rgb;
+use crate::spectra::{Line, LineIndices};
 use std::sync::Arc;
 
 /// Index of a medium in its scene; 0 is air. The type is small, because rays carry many of them.
@@ -44,8 +45,10 @@ pub const AIR: MediumId = 0;
 pub struct Medium {
     /// Name in the scene file.
     pub name: String,
-    /// Index of refraction.
+    /// Index of refraction; at the d line where it depends on the wavelength.
     pub ior: f32,
+    /// The index at each wavelength; `None` where it is the same at all.
+    pub dispersion: Option<LineIndices>,
     /// Absorption coefficient, per unit of render space; zero where there is a `volume`, which has its own.
     pub absorption: Rgb,
     /// Scattering, absorption and emission in the medium; `None` where nothing scatters.
@@ -56,6 +59,17 @@ pub struct Medium {
 }
 
 impl Medium {
+    /// Whether it refracts all light as `other` does.
+    pub fn is_index_matched(&self, other: &Self) -> bool {
+        self.ior == other.ior && self.dispersion == other.dispersion
+    }
+
+    /// Index of refraction at a wavelength.
+    #[inline]
+    pub fn ior_at(&self, line: Line) -> f32 {
+        self.dispersion.as_ref().map_or(self.ior, |indices| indices.at(line))
+    }
+
     /// Share of the radiance that is left after `distance` in render space: `exp(-sigma_a d)` (Beer-Lambert).
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
@@ -85,6 +99,7 @@ mod tests {
         let medium = |sigma| Medium {
             name: String::new(),
             ior: 1.0,
+            dispersion: None,
             absorption: Rgb::splat(sigma),
             volume: None,
             rank: 0,

@@ -136,7 +136,7 @@ impl PhotonMap {
     ) -> Estimate {
         self.estimate(query, params, scratch, sight, |index| {
             let payload = self.payload(index);
-            payload.power() * brdf(payload.wi())
+            payload.times(brdf(payload.wi()))
         })
     }
 
@@ -174,7 +174,7 @@ impl PhotonMap {
         let mut photons = found.len().saturating_sub(usize::from(corrected && farthest_sets_radius));
         if query.differential_check && radius > least_radius {
             let per_radius_squared = 1.0 / (radius * radius);
-            let relative = |(index, d)| (d * per_radius_squared, self.power(index).element_sum());
+            let relative = |(index, d)| (d * per_radius_squared, self.payload(index).brightness());
             if let Some(share) = differential::shrink(found.iter().take(photons).map(relative)) {
                 radius = (radius * share.sqrt()).max(least_radius);
                 photons = found.len();
@@ -208,7 +208,7 @@ impl PhotonMap {
                 sum += (contribution(index) * whole.weight(params.kernel, distance_squared)).as_dvec3();
             }
             let value = density(sum, &whole);
-            if value.max_element() <= query.faint {
+            if value.abs().max_element() <= query.faint {
                 return Estimate { value, photons: counted, narrower: value, ..nothing };
             }
         }

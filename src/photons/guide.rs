@@ -259,7 +259,7 @@ fn record(
     for (index, distance_squared) in found.iter() {
         let photon = map.photon(index);
         let wi = frame.to_local(photon.wi());
-        let weight = luminance(photon.power()) * (1.0 - distance_squared / radius_squared);
+        let weight = luminance(photon.power()).max(0.0) * (1.0 - distance_squared / radius_squared);
         if !(wi.z > 0.0 && weight > 0.0) {
             continue;
         }

@@ -191,6 +191,8 @@ pub struct PhotonMap {
     bounds: (Vec3, Vec3),
     emitted: u64,
     dropped: u64,
+    /// Whether any photon has a wavelength.
+    is_dispersed: bool,
 }
 
 impl Point for Photon {
@@ -236,8 +238,9 @@ impl PhotonMap {
         let dropped = (given - photons.len()) as u64;
         let tree = KdTree::build_until(&mut photons, stop);
         let payloads = photons.par_iter().with_min_len(4096).map(Photon::payload).collect();
+        let is_dispersed = photons.par_iter().with_min_len(4096).any(Photon::is_monochromatic);
         let bounds = tree.bounds();
-        Self { tree, payloads, bounds, emitted, dropped }
+        Self { tree, payloads, bounds, emitted, dropped, is_dispersed }
     }
 
     /// The map of the photons of these classes alone, which estimates of these classes search faster.
@@ -277,6 +280,11 @@ impl PhotonMap {
     /// Number of photons that the lights emitted, by which estimates divide. With zero all estimates are zero.
     pub fn emitted(&self) -> u64 {
         self.emitted
+    }
+
+    /// Whether any photon has a wavelength: what a coloured surface reflects is then not its colour times the irradiance.
+    pub fn is_dispersed(&self) -> bool {
+        self.is_dispersed
     }
 
     /// Number of photons that were not stored because their position was not finite.

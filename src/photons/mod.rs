@@ -21,6 +21,7 @@ mod kernel;
 mod map;
 mod pass;
 mod photon;
+mod power;
 mod projection_map;
 mod projection_picture;
 mod shadow;

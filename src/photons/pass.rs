@@ -11,6 +11,7 @@ use crate::math::Ray;
 use crate::media::MediumId;
 use crate::sampling::{Rng, Stream};
 use crate::scene::{MapKind, Scene, Surface, Target};
+use crate::settings::Wavelengths;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -266,6 +267,7 @@ pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<Ca
         seed,
         max_depth: DEPTH,
         aimed: true,
+        wavelengths: Wavelengths::default(),
     };
     let sources = Sources::new(scene, (settings.kind, settings.stored), settings.aimed, None);
     let shares = vec![emitted_by_each; lights];

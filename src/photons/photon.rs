@@ -1,6 +1,8 @@
 //! The photon: 20 bytes with position, power, direction, normal and class, and the tests by which searches accept it.
 
-use crate::math::{Rgb, Rgbe, octahedral_decode, octahedral_encode, octahedral_encode_two};
+use super::power::PackedPower;
+use crate::math::{Rgb, octahedral_decode, octahedral_encode, octahedral_encode_two};
+use crate::spectra::Line;
 use glam::Vec3;
 use std::sync::LazyLock;
 
@@ -64,7 +66,7 @@ pub const NORMAL_ERROR: f32 = 0.0693;
 pub struct Photon {
     /// Position of arrival, render space.
     pub position: Vec3,
-    power: Rgbe,
+    power: PackedPower,
     wi: u16,
     /// Normal in bits 0 to 11, class in bits 12 and 13; two bits are free.
     flags: u16,
@@ -80,11 +82,24 @@ impl Photon {
     /// random number of this photon's own, rounds the power without bias ([`Rgbe::encode_dithered`]).
     #[inline]
     pub fn new(position: Vec3, power: Rgb, wi: Vec3, normal: Vec3, class: PhotonClass, dither: f32) -> Self {
+        Self::of_line(position, (power, None), wi, normal, class, dither)
+    }
+
+    /// The same of a photon that may have a wavelength; the channels of its power are then equal.
+    #[inline]
+    pub fn of_line(
+        position: Vec3,
+        (power, line): (Rgb, Option<Line>),
+        wi: Vec3,
+        normal: Vec3,
+        class: PhotonClass,
+        dither: f32,
+    ) -> Self {
         let side = if normal.dot(wi) < 0.0 { -normal } else { normal };
         let [wi, normal] = octahedral_encode_two([wi, side], [WI_BITS, NORMAL_BITS]);
         Self {
             position,
-            power: Rgbe::encode_dithered(power, dither),
+            power: PackedPower::encode(power, line, dither),
             wi: wi as u16,
             flags: normal as u16 | (class as u16) << (2 * NORMAL_BITS),
         }
@@ -93,13 +108,18 @@ impl Photon {
     /// The same photon with `factor` times the power, rounded by `dither` as in [`Self::new`].
     #[must_use]
     pub fn scaled(self, factor: f32, dither: f32) -> Self {
-        Self { power: Rgbe::encode_dithered(self.power.decode() * factor, dither), ..self }
+        Self { power: self.power.scaled(factor, dither), ..self }
     }
 
-    /// Unnormalised flux, in watts.
+    /// Unnormalised flux, in watts; a photon with a wavelength has the response of the sensor to it, whose channels may be negative.
     #[inline]
     pub fn power(&self) -> Rgb {
         self.power.decode()
+    }
+
+    /// Whether it has a wavelength.
+    pub fn is_monochromatic(&self) -> bool {
+        self.power.is_monochromatic()
     }
 
     /// Unit direction back along the path; accurate to one degree.
@@ -143,7 +163,7 @@ impl Photon {
             .iter()
             .enumerate()
             .for_each(|(i, x)| bytes[4 * i..4 * i + 4].copy_from_slice(&x.to_le_bytes()));
-        bytes[12..16].copy_from_slice(&self.power.0);
+        bytes[12..16].copy_from_slice(&self.power.to_bytes());
         bytes[16..18].copy_from_slice(&self.wi.to_le_bytes());
         bytes[18..].copy_from_slice(&self.flags.to_le_bytes());
         bytes
@@ -156,13 +176,13 @@ impl Photon {
         let flags = u16::from_le_bytes([bytes[18], bytes[19]]);
         let is_sound = position.is_finite() && flags >> (2 * NORMAL_BITS + 2) == 0;
         let wi = u16::from_le_bytes([bytes[16], bytes[17]]);
-        is_sound.then_some(Self { position, power: Rgbe(word(12)), wi, flags })
+        is_sound.then_some(Self { position, power: PackedPower::from_bytes(word(12)), wi, flags })
     }
 
     /// All bits except the position's, as a number that orders photons at the same position.
     #[inline]
     pub(super) fn payload_bits(&self) -> u64 {
-        let power = u64::from(u32::from_be_bytes(self.power.0));
+        let power = u64::from(u32::from_be_bytes(self.power.to_bytes()));
         power << 32 | u64::from(self.wi) << 16 | u64::from(self.flags)
     }
 }
@@ -171,7 +191,7 @@ impl Photon {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C)]
 pub(super) struct Payload {
-    power: Rgbe,
+    power: PackedPower,
     wi: u16,
 }
 
@@ -180,6 +200,18 @@ impl Payload {
     #[inline]
     pub(super) fn power(&self) -> Rgb {
         self.power.decode()
+    }
+
+    /// Unnormalised flux times a factor, which is taken at the wavelength of the photon, if it has one.
+    #[inline]
+    pub(super) fn times(&self, factor: Rgb) -> Rgb {
+        self.power.times(factor)
+    }
+
+    /// [`PackedPower::brightness`].
+    #[inline]
+    pub(super) fn brightness(&self) -> f32 {
+        self.power.brightness()
     }
 
     /// Unit direction back along the photon's path.

@@ -9,7 +9,9 @@ use crate::math::{Frame, Ray, Rgb};
 use crate::media::MediumStack;
 use crate::sampling::{ONE_MINUS_EPSILON, Rng, Sobol, Stream, chain_roulette, mix};
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
-use crate::transport::{Event, attenuation, next_event_in_media, surface_through_media};
+use crate::settings::Wavelengths;
+use crate::spectra::{Line, at_line};
+use crate::transport::{Event, attenuation, next_event_in_media, refracted_share, surface_through_media};
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::{AddAssign, MulAssign};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -28,6 +30,8 @@ pub struct TraceSettings {
     /// Whether photons are aimed by projection maps, or sent wherever the lights shine. This changes the noise, not the
     /// mean.
     pub aimed: bool,
+    /// Wavelengths of photons that are dispersed.
+    pub wavelengths: Wavelengths,
 }
 
 /// Counts and powers of the photons of one light. Powers are sums over photons; divided by the number of all emitted
@@ -194,6 +198,8 @@ impl Batch<'_> {
                     tally.power_emitted += power.as_dvec3();
                     flights.push(Flight {
                         rng: Rng::new(seed, self.stream, index),
+                        line: None,
+                        u_line: low_discrepancy(index, seed),
                         ray: start.ray,
                         power,
                         started_with: power.max_element(),
@@ -267,7 +273,12 @@ const IN_FLIGHT: usize = 32;
 struct Flight {
     rng: Rng,
     ray: Ray,
+    /// Unnormalised flux, watts; with a `line` all channels are that of its wavelength.
     power: Rgb,
+    /// Its wavelength since it was dispersed.
+    line: Option<Line>,
+    /// Random number of the wavelength.
+    u_line: f32,
     /// Brightest channel of the power at the start, times the factors of [`chain_roulette`] since.
     started_with: f32,
     medium: MediumStack,
@@ -293,7 +304,31 @@ struct Met {
     media: bool,
 }
 
+/// Random number in `[0, 1)` for the wavelength of photon `index` of a pass: successive photons cover all wavelengths evenly.
+fn low_discrepancy(index: u64, seed: u64) -> f32 {
+    // The golden section, as a fraction of 2^64.
+    const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+    (index.wrapping_mul(GOLDEN).wrapping_add(mix(!seed)) >> 40) as f32 / 16_777_216.0
+}
+
 impl Flight {
+    /// Power as the sensor receives it.
+    #[inline(always)]
+    fn received(&self) -> DVec3 {
+        match self.line {
+            None => self.power.as_dvec3(),
+            Some(line) => (line.response() * self.power.x).as_dvec3(),
+        }
+    }
+
+    /// Takes a wavelength, if photons have one.
+    fn disperse(&mut self, wavelengths: Wavelengths) {
+        self.line = Line::choose(wavelengths, self.u_line);
+        if let Some(line) = self.line {
+            self.power = Rgb::splat(line.at(self.power));
+        }
+    }
+
     /// Continues from the hit of its ray; `false` where the photon ends.
     #[inline(always)]
     fn advance(
@@ -305,24 +340,24 @@ impl Flight {
     ) -> bool {
         let Some(hit) = hit else {
             tally.missed += u64::from(self.depth == 0);
-            tally.power_escaped += self.power.as_dvec3();
+            tally.power_escaped += self.received();
             return false;
         };
         tally.bounces += 1;
-        let arriving = self.power;
+        let arriving = self.received();
         if !(self.from_infinity && self.depth == 0) {
-            self.power *= attenuation(pass.scene, &self.medium, hit.t);
+            self.power *= at_line(self.line, attenuation(pass.scene, &self.medium, hit.t));
         }
         let goes_on = match pass.scene.diffuse_hit(&self.ray, &hit) {
             Some(hit) => self.reflect(pass.settings.kind, &hit, photons),
             None => self.meet(pass, &hit, photons, tally),
         };
-        let left = if goes_on { self.power } else { Rgb::ZERO };
-        tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
+        let left = if goes_on { self.received() } else { DVec3::ZERO };
+        tally.power_absorbed += arriving - left;
         self.depth += 1;
         if goes_on && self.depth >= pass.settings.max_depth {
             tally.truncated += 1;
-            tally.power_truncated += self.power.as_dvec3();
+            tally.power_truncated += self.received();
             return false;
         }
         goes_on
@@ -333,7 +368,8 @@ impl Flight {
     /// The light of a specular chain is not scattered in a pass for caustics: it crosses media as beams.
     #[inline(never)]
     fn advance_in_media(&mut self, pass: &Batch<'_>, photons: &mut Stored, tally: &mut PhotonTally) -> bool {
-        let (scene, ray, arriving) = (pass.scene, self.ray, self.power);
+        let (scene, ray, arriving, line) = (pass.scene, self.ray, self.power, self.line);
+        let arriving_flux = self.received();
         let u = self.rng.next_f32();
         let mut in_media = false;
         let passage = if pass.settings.kind == MapKind::Caustic {
@@ -343,11 +379,12 @@ impl Flight {
             let mut rng = self.rng.split();
             surface_through_media(scene, &ray, &mut self.medium, u, |stretch| {
                 if let Some(records) = &mut records {
-                    records.cross(&ray, stretch, arriving, reach, &mut rng);
+                    records.cross(&ray, stretch, (arriving, line), reach, &mut rng);
                 }
             })
         } else {
-            next_event_in_media(scene, &ray, &mut self.medium, (arriving, u), |_| in_media = true)
+            let weights = line.map_or(arriving, Line::primaries);
+            next_event_in_media(scene, &ray, &mut self.medium, (weights, u), |_| in_media = true)
         };
         let ends_at = |bounding: &[bool]| match &passage.event {
             Event::Surface(arrival) => bounding[arrival.hit.surface as usize],
@@ -365,15 +402,15 @@ impl Flight {
             }
         };
         if !is_followed {
-            tally.power_escaped += arriving.as_dvec3();
+            tally.power_escaped += arriving_flux;
             return false;
         }
-        self.power *= passage.weight;
+        self.power *= at_line(line, passage.weight);
         let goes_on = match passage.event {
             Event::Escape => {
                 tally.missed += u64::from(self.depth == 0);
-                tally.power_escaped += self.power.as_dvec3();
-                tally.power_absorbed += arriving.as_dvec3() - self.power.as_dvec3();
+                tally.power_escaped += self.received();
+                tally.power_absorbed += arriving_flux - self.received();
                 return false;
             }
             Event::Surface(arrival) => {
@@ -388,7 +425,7 @@ impl Flight {
                     // So that the photons of a dense medium are not those of a few paths.
                     let share = ALL_STORED / (ALL_STORED + self.scattered as f32);
                     if self.rng.next_f32() < share {
-                        photons.media.scatter(&ray, &collision, self.power / share);
+                        photons.media.scatter(&ray, &collision, (self.power / share, line));
                     }
                     self.scattered += 1;
                 }
@@ -403,12 +440,12 @@ impl Flight {
                 survives
             }
         };
-        let left = if goes_on { self.power } else { Rgb::ZERO };
-        tally.power_absorbed += arriving.as_dvec3() - left.as_dvec3();
+        let left = if goes_on { self.received() } else { DVec3::ZERO };
+        tally.power_absorbed += arriving_flux - left;
         self.depth += 1;
         if goes_on && self.depth >= pass.settings.max_depth {
             tally.truncated += 1;
-            tally.power_truncated += self.power.as_dvec3();
+            tally.power_truncated += self.received();
             return false;
         }
         goes_on
@@ -419,7 +456,7 @@ impl Flight {
     #[inline(always)]
     fn reflect(&mut self, kind: MapKind, hit: &DiffuseHit, photons: &mut Stored) -> bool {
         self.store(kind, (hit.surface, hit.position(), hit.facing_normal()), 1.0, photons);
-        if kind == MapKind::Caustic || !self.survives(self.power * hit.reflectance) {
+        if kind == MapKind::Caustic || !self.survives(self.power * at_line(self.line, hit.reflectance)) {
             return false;
         }
         self.only_specular = false;
@@ -457,7 +494,18 @@ impl Flight {
         photons: &mut Stored,
         tally: &mut PhotonTally,
     ) -> bool {
-        let shading = pass.scene.shading_within(hit, self.medium);
+        let mut shading = pass.scene.shading_for(hit, self.medium, self.line);
+        let mut reflected = None;
+        let wavelengths = pass.settings.wavelengths;
+        if shading.disperses && self.line.is_none() && wavelengths != Wavelengths::Off {
+            if hit.shading_normal == hit.point.normal {
+                reflected = pass.scene.reflected_colour(hit, self.medium, &shading, wavelengths);
+            }
+            if reflected.is_none() {
+                self.disperse(wavelengths);
+                shading = pass.scene.shading_for(hit, self.medium, self.line);
+            }
+        }
         let is_receiver = || pass.receivers.binary_search(&hit.surface).is_ok();
         if !pass.in_media && (shading.bsdf.has_diffuse() || is_receiver()) {
             // Photon density on the surface includes the cosine at the geometric normal; the reflected light has the
@@ -469,7 +517,7 @@ impl Flight {
         if pass.settings.kind == MapKind::Caustic && !is_lobe_left {
             return false;
         }
-        let goes_on = self.scatter(pass, hit, &shading, tally);
+        let goes_on = self.scatter(pass, hit, (&shading, reflected), tally);
         goes_on && (self.only_specular || pass.settings.kind != MapKind::Caustic)
     }
 
@@ -495,18 +543,20 @@ impl Flight {
             return;
         }
         let dither = self.rng.next_f32();
-        photons.photons.push(Photon::new(position, power, -self.ray.direction, normal, class, dither));
+        let power = (power, self.line);
+        photons.photons.push(Photon::of_line(position, power, -self.ray.direction, normal, class, dither));
         if let Some(surfaces) = &mut photons.surfaces {
             surfaces.push(surface);
         }
     }
 
-    /// Samples the ray on which the photon continues, and its new power; `false` where it ends here.
+    /// Samples the ray on which the photon continues, and its new power; `false` where it ends here. `reflected` is the colour of light
+    /// that a smooth interface reflects, where only light that it refracts needs a wavelength.
     fn scatter(
         &mut self,
         pass: &Batch<'_>,
         hit: &SurfaceInteraction,
-        shading: &Shading,
+        (shading, reflected): (&Shading, Option<Rgb>),
         tally: &mut PhotonTally,
     ) -> bool {
         let scene = pass.scene;
@@ -521,12 +571,30 @@ impl Flight {
             (Bsdf::Lambert(_), true) => sampled_around_geometric(hit, shading, u),
             (_, true) => {
                 let flat = SurfaceInteraction { shading_normal: hit.point.normal, ..*hit };
-                let flat = scene.shading_within(&flat, self.medium);
+                let flat = scene.shading_for(&flat, self.medium, self.line);
                 let candidates = candidates(hit, shading, &flat, (u_lobe, u));
                 one_of(candidates, || self.rng.next_f32())
             }
         };
-        let Some((sample, direction)) = found else { return false };
+        let Some((mut sample, mut direction)) = found else { return false };
+        let at_wavelength;
+        let shading = match reflected {
+            Some(colour) if !sample.transmission => {
+                sample.throughput *= colour;
+                shading
+            }
+            Some(_) => {
+                self.disperse(pass.settings.wavelengths);
+                at_wavelength = scene.shading_for(hit, self.medium, self.line);
+                let refracted = sampled(&at_wavelength, ONE_MINUS_EPSILON, u);
+                let share = refracted_share(&at_wavelength, shading);
+                let (Some(refracted), Some(share)) = (refracted, share) else { return false };
+                (sample, direction) = refracted;
+                sample.throughput *= share;
+                &at_wavelength
+            }
+            None => shading,
+        };
         let mut weight = 1.0;
         if sample.lobe != Lobe::Diffuse {
             self.check_medium(scene, hit, tally);
@@ -542,11 +610,12 @@ impl Flight {
         else {
             return false;
         };
-        let power = self.power * (sample.throughput * (weight * share));
+        let power = self.power * at_line(self.line, sample.throughput * (weight * share));
         if power.max_element() > LARGEST_GROWTH * self.started_with {
             tally.truncated += 1;
-            tally.power_truncated += power.as_dvec3();
-            tally.power_absorbed -= power.as_dvec3();
+            self.power = power;
+            tally.power_truncated += self.received();
+            tally.power_absorbed -= self.received();
             return false;
         }
         // Photons are aimed at a surface in proportion to the share that it mirrors, so photons that arrive at a weak

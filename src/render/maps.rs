@@ -101,6 +101,7 @@ impl Settings {
             accurate_distance: self.accurate_distance * scene_radius,
             approximate_weight: self.approximate_weight,
             atlas_footprint: self.atlas_footprint,
+            wavelengths: self.wavelengths,
             narrowing: None,
         }
     }
@@ -429,6 +430,7 @@ impl MapBuilder<'_> {
             seed: self.settings.seed,
             max_depth: self.settings.max_depth,
             aimed: self.settings.aim_photons,
+            wavelengths: self.settings.wavelengths,
         }
     }
 

@@ -415,7 +415,11 @@ impl PassTwo<'_> {
             IntegratorKind::Photons => Box::new(ShowPhotons::new(scene, maps, settings.map, reading, medium)),
             IntegratorKind::Path => {
                 let guide = maps.guide.as_ref();
-                Box::new(PathTracer::new(scene, settings.max_depth, medium).guided_by(guide))
+                Box::new(
+                    PathTracer::new(scene, settings.max_depth, medium)
+                        .with_wavelengths(settings.wavelengths)
+                        .guided_by(guide),
+                )
             }
         }
     }

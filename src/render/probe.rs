@@ -374,7 +374,8 @@ impl Probing<'_> {
             observer.advance(number as u64);
             let Some(landing) = landing else { continue };
             let mapped = PhotonMapIntegrator::new(scene, self.maps, self.plan, reading, landing.medium);
-            let paths = PathTracer::new(scene, settings.max_depth, landing.medium);
+            let paths = PathTracer::new(scene, settings.max_depth, landing.medium)
+                .with_wavelengths(settings.wavelengths);
             let one = |estimator: ProbeEstimator, index: u32, scratch: &mut Scratch| {
                 let mut stream = SampleStream::new(settings.seed, number as u64, index);
                 let Landing { receiver, medium, .. } = landing;

@@ -14,6 +14,7 @@ impl Settings {
             .with_precomputed(scene, self.integrator, self.precomputed_irradiance)
             .guided(scene, self.integrator, self.guide)
             .with_shadow_photons(scene, self.shadow_photons, shows_classes)
+            .with_wavelengths(self.wavelengths)
             .with_glints(scene, self.integrator, self.glints)
     }
 }

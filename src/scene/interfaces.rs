@@ -4,11 +4,13 @@ use super::material::Material;
 use super::scene::{LightMedia, Scene};
 use super::shading::Shading;
 use super::surface::SurfaceInteraction;
-use crate::bsdf::Dielectric;
+use crate::bsdf::{Bsdf, Dielectric, fresnel_dielectric};
 use crate::lights::Light;
-use crate::math::Ray;
-use crate::media::{AIR, Crossing, MediumId, MediumStack};
+use crate::math::{Ray, Rgb};
+use crate::media::{AIR, Crossing, Medium, MediumId, MediumStack};
 use crate::sampling::{Sobol, warp};
+use crate::settings::Wavelengths;
+use crate::spectra::{Line, LineIndices};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -102,7 +104,7 @@ impl Scene {
     pub fn null_interface(&self, current: MediumStack, hit: &SurfaceInteraction) -> Option<MediumStack> {
         let [near, far] = self.sides(&current, hit)?;
         let [a, b] = [near, far].map(|id| self.medium(id));
-        let is_matched = a.ior == b.ior && (a.volume.is_some() || b.volume.is_some());
+        let is_matched = a.is_index_matched(b) && (a.volume.is_some() || b.volume.is_some());
         // What emits is there for every ray.
         let is_smooth =
             matches!(self.material(hit), Material::Dielectric { .. }) && self.surface(hit).light.is_none();
@@ -143,11 +145,78 @@ impl Scene {
         let Some(stated) = material.media() else { return hit.shading(material) };
         let Some([near, far]) = self.sides(&current, hit) else { return hit.shading(material) };
         let [inside, outside] = if hit.is_front() { [far, near] } else { [near, far] };
+        let disperses = self.disperses && [inside, outside].iter().any(|&id| self.disperses_in(id));
         if [inside, outside] == stated {
-            return hit.shading(material);
+            return Shading { disperses, ..hit.shading(material) };
         }
         let ior = |id| f64::from(self.medium(id).ior);
-        hit.shading_between(material, Some(Dielectric::new(ior(outside), ior(inside))))
+        let interface = Dielectric::new(ior(outside), ior(inside));
+        Shading { disperses, ..hit.shading_between(material, Some(interface)) }
+    }
+
+    /// [`Self::shading_within`] for a path that has taken a wavelength.
+    #[inline]
+    pub fn shading_for(&self, hit: &SurfaceInteraction, current: MediumStack, line: Option<Line>) -> Shading {
+        let shading = self.shading_within(hit, current);
+        match line {
+            Some(line) if shading.disperses => self.shading_at(hit, current, line).unwrap_or(shading),
+            _ => shading,
+        }
+    }
+
+    /// Shading of a hit at which light is dispersed, at a wavelength.
+    fn shading_at(&self, hit: &SurfaceInteraction, current: MediumStack, line: Line) -> Option<Shading> {
+        let [near, far] = self.sides(&current, hit)?;
+        let [inside, outside] = if hit.is_front() { [far, near] } else { [near, far] };
+        let ior = |id| f64::from(self.medium(id).ior_at(line));
+        let interface = Dielectric::new(ior(outside), ior(inside));
+        let shading = hit.shading_between(self.material(hit), Some(interface));
+        Some(Shading { disperses: true, ..shading })
+    }
+
+    /// Whether the index of a medium depends on the wavelength.
+    #[inline]
+    fn disperses_in(&self, id: MediumId) -> bool {
+        self.medium(id).dispersion.is_some()
+    }
+
+    /// Whether the index of refraction of any medium depends on the wavelength.
+    #[inline]
+    pub fn disperses(&self) -> bool {
+        self.disperses
+    }
+
+    /// By channel, the reflectance of a smooth interface that disperses light over that of `shading`, which is the one at the d line: a
+    /// path that is reflected there needs no wavelength. `None` where it needs one to be reflected, because some wavelengths may be
+    /// reflected totally, or because the surface is not a smooth interface alone.
+    ///
+    /// A channel's reflectance is taken at its mean index. The error is of second order in the variation of the index: 1e-5 for heavy
+    /// flint.
+    pub fn reflected_colour(
+        &self,
+        hit: &SurfaceInteraction,
+        current: MediumStack,
+        shading: &Shading,
+        wavelengths: Wavelengths,
+    ) -> Option<Rgb> {
+        if !matches!(shading.bsdf, Bsdf::Dielectric(_)) {
+            return None;
+        }
+        let sides = self.sides(&current, hit)?.map(|id| self.medium(id));
+        let range = |medium: &Medium| medium.dispersion.as_ref().map_or([medium.ior; 2], LineIndices::range);
+        let [[_, largest_near], [least_far, _]] = sides.map(range);
+        if largest_near >= least_far {
+            return None;
+        }
+        let of_channels = |medium: &Medium| {
+            let indices = medium.dispersion.as_ref();
+            indices.map_or(Rgb::splat(medium.ior), |indices| indices.of_channels(wavelengths))
+        };
+        let [near, far] = sides.map(of_channels);
+        let cosine = shading.wo_local.z;
+        let usual = fresnel_dielectric(cosine, sides[1].ior / sides[0].ior);
+        let reflected = (far / near).map(|eta| fresnel_dielectric(cosine, eta));
+        Some(if usual > 0.0 { reflected / usual } else { Rgb::ONE })
     }
 
     /// Medium stack after scattering from within `current` into `direction`. `None` where, by rounding, the direction is on the other

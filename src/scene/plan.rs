@@ -6,7 +6,7 @@ use super::{Geometry, Material, Scene};
 use crate::bsdf::GLOSS_THRESHOLD;
 use crate::lights::{LIGHTS_SAMPLED_EACH, Light};
 use crate::media::Medium;
-use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
+use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode, Wavelengths};
 use serde::Serialize;
 use std::fmt;
 
@@ -89,6 +89,8 @@ pub struct RenderPlan {
     pub glints: Decision,
     /// Absorption along rays.
     pub absorption: Decision,
+    /// Wavelengths of paths that are refracted by an index that depends on the wavelength.
+    pub wavelengths: Decision,
     /// Embree geometry kinds in the scene, with counts.
     pub geometry: Vec<String>,
 }
@@ -130,6 +132,7 @@ impl RenderPlan {
                 facts.photon_budget(integrator, scene.lights().len())
             },
             glints: Decision::no("lamps in glass and mirrors are met by chance"),
+            wavelengths: dispersion(scene),
             absorption: if facts.absorbing > 0 {
                 Decision::yes(format!("{} medium or media absorb", facts.absorbing))
             } else {
@@ -153,6 +156,21 @@ impl RenderPlan {
         self.light_sampling = facts.light_sampling(integrator, scene.lights().len());
         if !matches!(integrator, IntegratorKind::Path | IntegratorKind::Photons) {
             self.bsdf_sampling = facts.bsdf_sampling();
+        }
+        self
+    }
+
+    /// The same plan with these wavelengths of dispersed light.
+    #[must_use]
+    pub fn with_wavelengths(mut self, wavelengths: Wavelengths) -> Self {
+        if self.wavelengths.build {
+            match wavelengths {
+                Wavelengths::Continuous => {}
+                Wavelengths::Three => self.wavelengths.reason += ", one of three",
+                Wavelengths::Off => {
+                    self.wavelengths = Decision::no("switched off: all light is refracted as at the d line");
+                }
+            }
         }
         self
     }
@@ -289,7 +307,7 @@ impl RenderPlan {
     }
 
     /// Each decision with its name, for display.
-    pub fn decisions(&self) -> [(&'static str, &Decision); 16] {
+    pub fn decisions(&self) -> [(&'static str, &Decision); 17] {
         [
             ("global photon map", &self.global_map),
             ("caustic photon map", &self.caustic_map),
@@ -307,8 +325,27 @@ impl RenderPlan {
             ("photons by contribution", &self.photon_budget),
             ("search for glints", &self.glints),
             ("absorption", &self.absorption),
+            ("wavelengths", &self.wavelengths),
         ]
     }
+}
+
+/// Whether paths take wavelengths.
+fn dispersion(scene: &Scene) -> Decision {
+    let names: Vec<&str> = scene
+        .media()
+        .iter()
+        .filter(|medium| medium.dispersion.is_some())
+        .map(|medium| medium.name.as_str())
+        .collect();
+    if names.is_empty() {
+        return Decision::no("no index of refraction depends on the wavelength");
+    }
+    /// Names that are listed.
+    const LISTED: usize = 3;
+    let more = if names.len() > LISTED { " and others" } else { "" };
+    let listed = names[..names.len().min(LISTED)].join("`, `");
+    Decision::yes(format!("a path takes one where it is first refracted by `{listed}`{more}"))
 }
 
 /// Names of the media that scatter, or the reason why no photons in them are needed.

@@ -40,6 +40,8 @@ pub struct Scene {
     pub(super) has_interfaces: bool,
     /// Whether any medium scatters.
     scatters: bool,
+    /// Whether the index of refraction of any medium depends on the wavelength.
+    pub(super) disperses: bool,
     /// For each light, the bodies in front of it and behind it; computed at first use.
     pub(super) light_media: OnceLock<Vec<LightMedia>>,
 }
@@ -83,6 +85,7 @@ impl Scene {
         let casters = parts.targets.iter().filter(is_caster).copied().collect();
         let has_interfaces = parts.materials.iter().any(|(_, material)| material.media().is_some());
         let scatters = parts.media.iter().any(|medium| medium.volume.is_some());
+        let disperses = parts.media.iter().any(|medium| medium.dispersion.is_some());
         let (light_media, overfull) = (OnceLock::new(), Mutex::default());
         let misfits = Misfits::of(if has_interfaces { parts.surfaces.len() } else { 0 });
         Self {
@@ -96,6 +99,7 @@ impl Scene {
             misfits,
             has_interfaces,
             scatters,
+            disperses,
             light_media,
         }
     }
@@ -471,7 +475,7 @@ fn is_null_border(parts: &SceneParts, material: u32) -> bool {
         return false;
     };
     let [a, b] = [inside, outside].map(|id| &parts.media[usize::from(id)]);
-    a.ior == b.ior && (a.volume.is_some() || b.volume.is_some())
+    a.is_index_matched(b) && (a.volume.is_some() || b.volume.is_some())
 }
 
 #[inline(always)]

@@ -23,12 +23,14 @@ pub struct Shading {
     pub wo_local: Vec3,
     /// The geometric normal in the frame, where it differs from the shading normal.
     pub bend: Option<Bend>,
+    /// Whether it refracts light by an index that depends on the wavelength.
+    pub disperses: bool,
 }
 
 impl Shading {
     pub(super) fn new(bsdf: Bsdf, frame: Frame, geometric: Vec3, wo_local: Vec3) -> Self {
         let bend = (frame.z != geometric).then(|| Bend::new(frame.to_local(geometric)));
-        Self { bsdf, frame, geometric, wo_local, bend }
+        Self { bsdf, frame, geometric, wo_local, bend, disperses: false }
     }
 
     /// The BSDF corrected for the geometric normal; `None` where both normals are the same.

@@ -11,6 +11,7 @@ use crate::media::{Coefficients, Phase};
 use crate::scene::{IlluminationKernel, LayeredMaterial, Tangent};
 use crate::settings::Overrides;
 use crate::shapes::{Csg, TerrainNoise};
+use crate::spectra::Dispersion;
 use crate::textures::{Octaves, SolidTexture, VertexData};
 use glam::{DAffine3, DMat3, DVec3};
 use std::fmt;
@@ -195,8 +196,10 @@ pub struct FilmDescription {
 /// The medium that fills a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MediumDescription {
-    /// Index of refraction, at least 1.
+    /// Index of refraction, at least 1; at the d line where it depends on the wavelength.
     pub ior: f64,
+    /// The index as a function of the wavelength; `None` where it is constant.
+    pub dispersion: Option<Dispersion>,
     /// Absorption coefficient per channel, 1/m.
     pub absorption: DVec3,
     /// Volume that scatters, absorbs and emits light; `absorption` above is then zero.
@@ -394,8 +397,23 @@ pub struct ShapeDescription {
     pub illumination: Option<IlluminationDescription>,
     /// Emission, if any.
     pub emission: Option<EmissionDescription>,
+    /// Displacement of a mesh, if any.
+    pub displacement: Option<DisplacementDescription>,
     /// Index into [`SceneDescription::groups`]; `None` for a shape that stands in the picture by itself.
     pub group: Option<usize>,
+}
+
+/// Displacement of a mesh along its normals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DisplacementDescription {
+    /// Index into [`SceneDescription::textures`].
+    pub texture: usize,
+    /// Displacement where the pattern is one, metres.
+    pub height: f64,
+    /// Largest length of edges of the tessellation, metres.
+    pub edge: f64,
+    /// Whether its triangles are shaded flat, and not by normals of the displaced surface.
+    pub is_flat: bool,
 }
 
 /// Shading normals of a mesh.

@@ -142,6 +142,7 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
         material,
         caustic_photons,
         emission,
+        displacement,
         group,
         // The photon file holds the photons themselves.
         illumination: _,
@@ -152,7 +153,10 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
         }
         other => write!(out, "{other:?}")?,
     }
-    writeln!(out, " {transform:?} {flip_normal} {material} {caustic_photons:?} {emission:?} {group:?}")
+    writeln!(
+        out,
+        " {transform:?} {flip_normal} {material} {caustic_photons:?} {emission:?} {displacement:?} {group:?}"
+    )
 }
 
 /// Adds the length and the content of a regular file.

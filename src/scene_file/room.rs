@@ -302,6 +302,7 @@ pub(super) fn add_shape(
             material,
             caustic_photons: 1.0,
             emission,
+            displacement: None,
             group: None,
         },
     });

@@ -127,6 +127,16 @@ choices! {
         Corrected = "corrected",
     }
 
+    /// Wavelengths of paths that meet a medium whose index depends on the wavelength. Other paths have none.
+    enum Wavelengths {
+        /// All that can be seen, chosen as the eye responds to them.
+        Continuous = "continuous",
+        /// Three, one for each channel: the lines C, d and F (the picture of a prism in the lecture on photon mapping).
+        Three = "3",
+        /// None: every medium refracts all light as at the d line.
+        Off = "off",
+    }
+
     /// Region in which photons are searched.
     enum SearchRegion {
         /// A sphere.
@@ -143,6 +153,13 @@ choices! {
 impl Quality {
     /// The preset where none is named.
     pub const DEFAULT: Self = Self::Preview;
+}
+
+#[allow(clippy::derivable_impls, reason = "the macro derives the same for all enumerations")]
+impl Default for Wavelengths {
+    fn default() -> Self {
+        Self::Continuous
+    }
 }
 
 /// Kernel of a density estimate, a function of the distance `d` over the radius `r`.
@@ -222,6 +239,7 @@ mod tests {
         check::<GuideKind>();
         check::<Show>();
         check::<Estimator>();
+        check::<Wavelengths>();
         check::<SearchRegion>();
         check::<Kernel>();
     }

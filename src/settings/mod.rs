@@ -27,7 +27,7 @@ mod text;
 
 pub use choices::{
     Choices, Estimator, GuideKind, IntegratorKind, Kernel, MapKind, Named, Quality, SearchRegion, ShadowMode,
-    Show,
+    Show, Wavelengths,
 };
 pub use kind::{Asked, Kind, Parameter, count, count_within, memory};
 pub use page::page;

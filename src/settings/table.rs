@@ -2,6 +2,7 @@
 
 use super::choices::{
     Choices, Estimator, GuideKind, IntegratorKind, Kernel, MapKind, Quality, SearchRegion, ShadowMode, Show,
+    Wavelengths,
 };
 use super::declare::{asked_type, given_or, name_of, resolved, settings};
 use super::kind::{Kind, Parameter};
@@ -120,6 +121,14 @@ settings! {
         presets: [30_000, 100_000, 300_000, 1_000_000],
         in_rounds: [50_000; 4],
         maps: Nothing,
+    }
+
+    /// Wavelengths of paths that meet a medium whose index of refraction depends on the wavelength.
+    wavelengths: Wavelengths {
+        kind: choice::<Wavelengths>(),
+        group: First,
+        presets: [Wavelengths::Continuous; 4],
+        maps: Photons,
     }
 
     /// Whether photons are aimed by projection maps, rather than emitted in all directions: changes noise, not light.

@@ -2,6 +2,7 @@
 
 use super::choices::{
     Choices, Estimator, GuideKind, IntegratorKind, Kernel, MapKind, Quality, SearchRegion, ShadowMode, Show,
+    Wavelengths,
 };
 use super::kind::Asked;
 use std::fmt::Debug;
@@ -132,6 +133,7 @@ choice_fields!(
     Show,
     Estimator,
     SearchRegion,
+    Wavelengths,
     Kernel
 );
 

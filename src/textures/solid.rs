@@ -37,6 +37,10 @@ pub enum Pattern {
         /// Exponent of the profile; a larger one makes narrower veins.
         sharpness: f64,
     },
+    /// Waves on water, as functions of x and z: a sum of sines whose wavelengths go from `size` down to `finest` in a geometric series.
+    /// Their directions lie within 60 degrees of the x axis, and the amplitude of each is in proportion to its wavelength to the power
+    /// 3/2. Directions and phases are hashes of the seed.
+    Waves(Octaves),
     /// Rings around the z axis, distorted by noise, with fibres along the axis.
     Wood {
         /// Noise that distorts the rings.
@@ -55,6 +59,7 @@ impl Pattern {
         match *self {
             Self::Noise(octaves) => (0.5 + 0.5 * octaves.fractal(p, width)).clamp(0.0, 1.0),
             Self::Turbulence(octaves) => octaves.turbulence(p, width).min(1.0),
+            Self::Waves(octaves) => waves(octaves, p, width),
             Self::Marble { octaves, spacing, distortion, sharpness } => {
                 let vein = |phase: f64| (0.5 + 0.5 * (TAU * phase).cos()).powf(sharpness);
                 // Midpoint rule with sixteen parts of a period, which suffices for a smooth function.
@@ -93,10 +98,43 @@ impl Pattern {
         match self {
             Self::Noise(octaves)
             | Self::Turbulence(octaves)
+            | Self::Waves(octaves)
             | Self::Marble { octaves, .. }
             | Self::Wood { octaves, .. } => octaves.finest,
         }
     }
+}
+
+/// Number of sines in [`Pattern::Waves`].
+const WAVES: u32 = 32;
+
+/// Value of [`Pattern::Waves`] in [0, 1]; the root mean square of its deviation from one half is an eighth.
+fn waves(octaves: Octaves, p: DVec3, width: f64) -> f64 {
+    let Octaves { size, finest, seed } = octaves;
+    let ratio = (finest / size).min(1.0).powf(1.0 / f64::from(WAVES - 1));
+    let unit = |number: u32| f64::from(hashed(seed, number)) / 4_294_967_296.0;
+    let (mut sum, mut power) = (0.0, 0.0);
+    for i in 0..WAVES {
+        let wavelength = size * ratio.powi(i as i32);
+        let amplitude = wavelength.powf(1.5);
+        let angle = (unit(2 * i) - 0.5) * (2.0 * TAU / 6.0);
+        let along = p.x * angle.cos() + p.z * angle.sin();
+        let phase = along / wavelength + unit(2 * i + 1);
+        sum += amplitude * kept(wavelength, width) * (TAU * (phase - phase.floor())).sin();
+        power += 0.5 * amplitude * amplitude;
+    }
+    // Four standard deviations fill the interval; rarer crests are cut.
+    (0.5 + 0.125 * sum / power.sqrt()).clamp(0.0, 1.0)
+}
+
+/// A hash of a seed and a number.
+fn hashed(seed: u32, number: u32) -> u32 {
+    let mut h = seed ^ number.wrapping_mul(0x9e37_79b9);
+    for _ in 0..2 {
+        h = (h ^ h >> 16).wrapping_mul(0x85eb_ca6b);
+        h = (h ^ h >> 13).wrapping_mul(0xc2b2_ae35);
+    }
+    h ^ h >> 16
 }
 
 /// Blend of a wave and its mean; `kept` is the share of the wave.
@@ -139,11 +177,12 @@ impl SolidTexture {
 mod tests {
     use super::*;
 
-    fn patterns() -> [Pattern; 4] {
+    fn patterns() -> [Pattern; 5] {
         let octaves = Octaves { size: 1.0, finest: 0.05, seed: 1 };
         [
             Pattern::Noise(octaves),
             Pattern::Turbulence(octaves),
+            Pattern::Waves(octaves),
             Pattern::Marble { octaves, spacing: 0.5, distortion: 1.0, sharpness: 2.0 },
             Pattern::Wood { octaves, spacing: 0.2, distortion: 0.3 },
         ]

@@ -3,11 +3,13 @@
 //!
 //! This module uses the scene, its lights and media; it contains no photon map and no integrator.
 
+mod dispersion;
 mod emission;
 mod event;
 mod media;
 mod visibility;
 
+pub use dispersion::{refracted_at, refracted_share};
 pub use emission::{MisPartner, emission_along, emitted, escaped, power_heuristic, receiver};
 pub use event::{Arrival, Event, next_event};
 pub use media::{

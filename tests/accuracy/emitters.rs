@@ -195,7 +195,8 @@ fn photons_of_emitters_of_any_size_arrive() {
 }
 
 fn trace(scene: &Scene, kind: MapKind, stored: u64, seed: u64) -> TracedPhotons {
-    let settings = TraceSettings { kind, stored, seed, max_depth: 1000, aimed: true };
+    let settings =
+        TraceSettings { kind, stored, seed, max_depth: 1000, aimed: true, wavelengths: Default::default() };
     trace_photons(scene, &settings, &|_, _| true).unwrap()
 }
 

@@ -140,7 +140,14 @@ fn irradiance_of_the_sun() {
 }
 
 fn flux_of_photons(stage: &Stage, aimed: bool) -> [f64; 3] {
-    let settings = TraceSettings { kind: MapKind::Global, stored: 100_000, seed: 5, max_depth: 100, aimed };
+    let settings = TraceSettings {
+        kind: MapKind::Global,
+        stored: 100_000,
+        seed: 5,
+        max_depth: 100,
+        aimed,
+        wavelengths: Default::default(),
+    };
     let traced = trace_photons(stage.scene(), &settings, &|_, _| true).unwrap();
     let out: glam::DVec3 = traced.tallies.iter().map(|tally| tally.power_emitted).sum();
     (out / traced.emitted as f64).to_array().map(|flux| stage.watts(flux))
@@ -209,8 +216,14 @@ fn photons_of_a_map_land() {
         environment(&path, "")
     );
     let stage = Stage::new(&text, (8, 8));
-    let settings =
-        TraceSettings { kind: MapKind::Global, stored: 4_000, seed: 1, max_depth: 10, aimed: true };
+    let settings = TraceSettings {
+        kind: MapKind::Global,
+        stored: 4_000,
+        seed: 1,
+        max_depth: 10,
+        aimed: true,
+        wavelengths: Default::default(),
+    };
     let traced = trace_photons(stage.scene(), &settings, &|_, _| true).unwrap();
     let on_ball: f64 = traced.photons.iter().map(|photon| f64::from(photon.power().x)).sum();
     let arrived = stage.watts(on_ball / traced.emitted as f64);
@@ -357,7 +370,7 @@ fn aimed_caustics_of_small_lights() {
             let runs: Vec<f64> = (0..4)
                 .map(|seed| {
                     let settings =
-                        TraceSettings { kind: MapKind::Caustic, stored: count, seed, max_depth: 100, aimed };
+                        TraceSettings { kind: MapKind::Caustic, stored: count, seed, max_depth: 100, aimed, wavelengths: Default::default() };
                     let traced = trace_photons(stage.scene(), &settings, &|_, _| true).unwrap();
                     let sum: f64 = traced.photons.iter().map(|photon| f64::from(photon.power().y)).sum();
                     stage.watts(sum / traced.emitted as f64)

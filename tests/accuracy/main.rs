@@ -13,6 +13,7 @@ mod crossings;
 mod densities;
 mod determinism;
 mod direct;
+mod dispersion;
 mod emitters;
 mod enclosures;
 mod estimators;

@@ -95,7 +95,8 @@ struct Run {
 
 fn trace(stage: &Stage, kind: MapKind, stored: u64, seed: u64) -> Run {
     // Reached with probability 1e-13 where all reflects 99.9 %.
-    let settings = TraceSettings { kind, stored, seed, max_depth: 30_000, aimed: true };
+    let settings =
+        TraceSettings { kind, stored, seed, max_depth: 30_000, aimed: true, wavelengths: Default::default() };
     let traced = trace_photons(stage.scene(), &settings, &|_, _| true).unwrap();
     for tally in &traced.tallies {
         assert_balance(tally);
@@ -377,8 +378,14 @@ fn many_lights_share_the_photons() {
         format!("[[lights]]\ntype = \"point\"\nposition = [{x}, 0.5, 0.0]\npower = {}\n", 1.0 + i as f64)
     };
     let stage = room("0.5", &(0..17).map(light).collect::<String>());
-    let settings =
-        TraceSettings { kind: MapKind::Global, stored: 100_000, seed: 1, max_depth: 10_000, aimed: true };
+    let settings = TraceSettings {
+        kind: MapKind::Global,
+        stored: 100_000,
+        seed: 1,
+        max_depth: 10_000,
+        aimed: true,
+        wavelengths: Default::default(),
+    };
     let traced = trace_photons(stage.scene(), &settings, &|_, _| true).unwrap();
     let count = traced.emitted as f64;
     for (i, tally) in traced.tallies.iter().enumerate() {

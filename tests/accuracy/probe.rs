@@ -123,7 +123,14 @@ fn a_sensor_of_any_material_receives_the_light_of_a_plate() {
 fn pictures_store_nothing_on_black_surfaces() {
     let stage = sensor("type = \"lambert\"\nreflectance = 0.0", PARALLEL);
     for kind in [MapKind::Global, MapKind::Caustic] {
-        let settings = TraceSettings { kind, stored: 1000, seed: 1, max_depth: 100, aimed: true };
+        let settings = TraceSettings {
+            kind,
+            stored: 1000,
+            seed: 1,
+            max_depth: 100,
+            aimed: true,
+            wavelengths: Default::default(),
+        };
         let (photons, met) = trace_photons_alone(stage.scene(), &settings, 1000);
         assert!(photons.is_empty() && met > 0);
     }

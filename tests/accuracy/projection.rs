@@ -7,7 +7,8 @@ use cardioid::scene::Scene;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 fn trace(scene: &Scene, kind: MapKind, stored: u64, seed: u64) -> TracedPhotons {
-    let settings = TraceSettings { kind, stored, seed, max_depth: 30_000, aimed: true };
+    let settings =
+        TraceSettings { kind, stored, seed, max_depth: 30_000, aimed: true, wavelengths: Default::default() };
     trace_photons(scene, &settings, &|_, _| true).unwrap()
 }
 
@@ -222,8 +223,14 @@ fn a_stopped_pass_is_an_estimate_of_the_same_flux() {
     let full =
         over_seeds(6, |seed| stored_watts(&stage, trace(stage.scene(), MapKind::Global, 200_000, seed)));
     let stopped = over_seeds(10, |seed| {
-        let settings =
-            TraceSettings { kind: MapKind::Global, stored: 400_000, seed, max_depth: 1000, aimed: true };
+        let settings = TraceSettings {
+            kind: MapKind::Global,
+            stored: 400_000,
+            seed,
+            max_depth: 1000,
+            aimed: true,
+            wavelengths: Default::default(),
+        };
         let calls = AtomicU64::new(0);
         let traced = trace_photons(stage.scene(), &settings, &|done, total| {
             calls.fetch_add(1, Ordering::Relaxed);
@@ -242,8 +249,14 @@ fn a_stopped_pass_is_an_estimate_of_the_same_flux() {
     println!("{:.5} in full, {:.5} stopped, +- {noise:.5}", full.0, stopped.0);
     assert!((full.0 - stopped.0).abs() < 4.0 * noise + 2e-4 * full.0 && noise < 0.01 * full.0);
     // Stopped at once: what the first short pass has, or nothing.
-    let settings =
-        TraceSettings { kind: MapKind::Global, stored: 400_000, seed: 0, max_depth: 1000, aimed: true };
+    let settings = TraceSettings {
+        kind: MapKind::Global,
+        stored: 400_000,
+        seed: 0,
+        max_depth: 1000,
+        aimed: true,
+        wavelengths: Default::default(),
+    };
     let at_once = trace_photons(stage.scene(), &settings, &|_, _| false);
     assert!(at_once.is_none_or(|traced| traced.stopped && traced.emitted < 1000));
 }

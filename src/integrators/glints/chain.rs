@@ -37,13 +37,16 @@ pub(super) struct ChainEnd {
 }
 
 impl Chain {
-    /// The chain extended by the specular lobe of another surface; `None` where that lobe mirrors in two directions.
+    /// The chain extended by the specular lobe of another surface; `None` where that lobe mirrors in two directions or disperses light.
     pub(in crate::integrators) fn after(
         self,
         hit: &SurfaceInteraction,
         shading: &Shading,
         transmission: bool,
     ) -> Option<Self> {
+        if transmission && shading.disperses {
+            return None;
+        }
         if !shading.bsdf.has_specular() || !shading.bsdf.has_one_mirror(shading.wo_local) {
             return None;
         }

@@ -9,6 +9,7 @@ use crate::math::{Frame, Ray};
 use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
+use crate::settings::Wavelengths;
 use crate::transport::{Arrival, Event, next_event};
 use glam::{Mat2, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -231,7 +232,9 @@ impl<'a> GlintFinder<'a> {
                 continue;
             }
             if shading.bsdf.is_delta() {
-                push_children(&mut branches, &branch, self.scene, &hit, &shading, samples);
+                // A glint has no place of its own where light is dispersed: such chains are left out.
+                let scene = (self.scene, Wavelengths::Off);
+                push_children(&mut branches, &branch, scene, &hit, &shading, samples);
             } else {
                 push_specular(&mut branches, &branch, self.scene, &hit, &shading, samples.next_1d());
             }

@@ -193,8 +193,14 @@ impl PhotonMapIntegrator<'_> {
         let pixel = u64::from(y) * u64::from(width) + u64::from(x);
         let mut samples = SampleStream::new(mix(request.seed ^ Stream::IrradianceCache as u64), pixel, 0);
         let mut number = 0;
-        let (scene, max_depth) = (self.scene, self.settings.max_depth);
-        let walk = Walk { scene, max_depth, glossy_samples: 1, samples_lights: false, media: None };
+        let walk = Walk {
+            scene: self.scene,
+            max_depth: self.settings.max_depth,
+            glossy_samples: 1,
+            samples_lights: false,
+            wavelengths: self.settings.wavelengths,
+            media: None,
+        };
         walk_specular(walk, &EyeRay::alone(at(0.5)), self.camera_medium, &mut samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
                 if self.is_cached(vertex) {

@@ -12,6 +12,7 @@ use crate::media::MediumStack;
 use crate::photons::IlluminationMaps;
 use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
+use crate::spectra::{Line, at_line};
 use crate::transport::{
     Arrival, Collision, Event, MisPartner, emitted, escaped, next_event, next_event_in_media, receiver,
 };
@@ -40,6 +41,7 @@ const MAP_OR_NOT: u32 = u32::MAX;
 const GO_ON_OR_NOT: u32 = u32::MAX - 1;
 const LANDINGS: u32 = u32::MAX - 2;
 const COMPARE_OR_NOT: u32 = 1 << 31;
+const WAVELENGTH: u32 = (1 << 31) + 1;
 /// Plus the depth: the flight through media to the surface at that depth.
 const FLIGHTS: u32 = 1 << 30;
 
@@ -220,6 +222,7 @@ impl PhotonMapIntegrator<'_> {
     pub(super) fn gather(&self, start: &Start<'_>, mut u: f32, scratch: &mut Scratch) -> Gathered {
         let Start { mut ray, mut medium, .. } = *start;
         let mut throughput = Rgb::ONE;
+        let mut line: Option<Line> = None;
         let mut found = Gathered {
             indirect: Rgb::ZERO,
             direct: Rgb::ZERO,
@@ -238,8 +241,9 @@ impl PhotonMapIntegrator<'_> {
             let partner = next_partner.take();
             let event = if self.scene.scatters() {
                 let u = refreshed(own, FLIGHTS + depth);
-                let passage = next_event_in_media(self.scene, &ray, &mut medium, (throughput, u), |_| ());
-                throughput *= passage.weight;
+                let weights = line.map_or(throughput, Line::primaries);
+                let passage = next_event_in_media(self.scene, &ray, &mut medium, (weights, u), |_| ());
+                throughput *= at_line(line, passage.weight);
                 passage.event
             } else {
                 next_event(self.scene, &ray, &mut medium)
@@ -256,11 +260,11 @@ impl PhotonMapIntegrator<'_> {
                     let mut samples = SampleStream::new(key_of(collision.position, own), depth.into(), 0);
                     let way = (-ray.direction, first);
                     let (scattered, is_all) = self.scattered_at(&collision, way, &mut samples, scratch);
-                    found.indirect += throughput * scattered;
+                    found.indirect += throughput * at_line(line, scattered);
                     if is_all {
                         return found;
                     }
-                    let survival = throughput.max_element().clamp(LEAST_SURVIVAL, 1.0);
+                    let survival = throughput.abs().max_element().clamp(LEAST_SURVIVAL, 1.0);
                     if samples.next_1d() >= survival {
                         return found;
                     }
@@ -275,13 +279,15 @@ impl PhotonMapIntegrator<'_> {
                     if let Some(partner) = partner {
                         let partner = self.against_light(start, depth, partner, None);
                         let escaped = escaped(self.scene, ray.direction, Some(partner), |_| 1.0);
-                        *found.part(depth) += throughput * escaped;
+                        *found.part(depth) += throughput * at_line(line, escaped);
                     }
                     found.distance = f32::INFINITY;
                     return found;
                 }
             };
-            arrival.attenuate(&mut throughput);
+            if let Some(transmittance) = arrival.transmittance {
+                throughput *= at_line(line, transmittance);
+            }
             let Arrival { hit, passed_null_interface, .. } = arrival;
             found.distance += hit.distance;
             // Light that passes a null interface is counted as a caustic.
@@ -289,7 +295,8 @@ impl PhotonMapIntegrator<'_> {
                 && let Some(id) = self.scene.surface(&hit).light
             {
                 let partner = self.against_light(start, depth, partner, Some(id));
-                *found.part(depth) += throughput * emitted(self.scene, &hit, Some(partner), |_| 1.0);
+                let emitted = emitted(self.scene, &hit, Some(partner), |_| 1.0);
+                *found.part(depth) += throughput * at_line(line, emitted);
             }
             walk = None;
             if depth == 0 {
@@ -298,7 +305,15 @@ impl PhotonMapIntegrator<'_> {
                     return found;
                 }
             }
-            let shading = self.scene.shading_within(&hit, medium);
+            let mut shading = self.scene.shading_for(&hit, medium, line);
+            if shading.disperses && line.is_none() {
+                // A gather ray is one of many, so that also light that is reflected may take a wavelength.
+                line = Line::choose(self.settings.wavelengths, refreshed(own, WAVELENGTH));
+                if let Some(line) = line {
+                    throughput = line.taken_by(throughput);
+                    shading = self.scene.shading_for(&hit, medium, Some(line));
+                }
+            }
             if !shading.bsdf.is_delta() {
                 let segments = start.depth + depth + 1;
                 scratch.counters.gather_paths += 1;
@@ -308,12 +323,12 @@ impl PhotonMapIntegrator<'_> {
                     shading: &shading,
                     medium,
                     share: 0.0,
-                    weight: start.weight * throughput.max_element(),
+                    weight: start.weight * throughput.abs().max_element(),
                     depth: segments,
                     travelled: start.travelled + found.distance,
                     width: start.cone * found.distance,
                 };
-                let passed = throughput.max_element();
+                let passed = throughput.abs().max_element();
                 let survival = if depth == 0 && start.recursion < SURE_RECURSIONS {
                     1.0
                 } else {
@@ -324,8 +339,8 @@ impl PhotonMapIntegrator<'_> {
                 // Each surface of a specular chain makes its own decision.
                 let u = if depth == 0 { u } else { refreshed(own, LANDINGS - depth) };
                 let (leaving, bias) = self.leaving(&landed, u, scratch);
-                found.indirect += throughput * leaving;
-                found.bias += throughput * bias;
+                found.indirect += throughput * at_line(line, leaving);
+                found.bias += throughput * at_line(line, bias);
                 if !(shading.bsdf.has_glossy() || shading.bsdf.has_specular()) {
                     return found;
                 }
@@ -335,7 +350,7 @@ impl PhotonMapIntegrator<'_> {
                     return found;
                 };
                 scratch.counters.approximate_rays += 1;
-                throughput *= next.throughput;
+                throughput *= at_line(line, next.throughput);
                 (medium, ray) = (next.medium, next.ray);
                 continue;
             }
@@ -353,7 +368,7 @@ impl PhotonMapIntegrator<'_> {
                 return found;
             };
             medium = next;
-            throughput *= sample.throughput;
+            throughput *= at_line(line, sample.throughput);
             scratch.counters.approximate_rays += 1;
             ray = hit.spawn(direction);
         }

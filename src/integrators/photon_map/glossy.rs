@@ -44,7 +44,8 @@ pub(super) fn push_scattered(
         let is_glossy = lobe == Lobe::Glossy;
         branches.push(Branch {
             ray: hit.spawn(direction),
-            throughput: parent.throughput * sample.throughput * factor,
+            throughput: parent.received(sample.throughput) * factor,
+            line: parent.line,
             medium,
             depth: parent.depth + 1,
             share: parent.share * share,

@@ -33,6 +33,13 @@ pub(super) fn reflected_estimate(
     // The power of photons includes the cosine to the shading normal where there is one, see `photons::trace`.
     if let Some(lambert) = shading.bsdf.lambertian() {
         let (map, query, params) = what;
+        if map.is_dispersed() && !is_grey(lambert.reflectance) {
+            let f = lambert.reflectance * FRAC_1_PI;
+            let estimate = |photons: &mut PhotonScratch, place: &mut Place<'_>| {
+                map.estimate_radiance_visible(query, params, photons, place, |_| f)
+            };
+            return look_up(scene, reading, query, scratch, estimate).0;
+        }
         let query = Query { faint: irradiance_of(query.faint, lambert.reflectance), ..*query };
         let (estimate, _) = irradiance(scene, reading, (map, &query, params), scratch);
         let reflected = |irradiance: Rgb| lambert.reflectance * irradiance * FRAC_1_PI;
@@ -46,6 +53,11 @@ pub(super) fn reflected_estimate(
         map.estimate_radiance_visible(query, params, photons, place, f)
     };
     look_up(scene, reading, query, scratch, estimate).0
+}
+
+/// Whether all channels are equal: light of any wavelength is then reflected alike.
+pub(super) fn is_grey(reflectance: Rgb) -> bool {
+    reflectance.x == reflectance.y && reflectance.y == reflectance.z
 }
 
 /// Irradiance of which a Lambertian surface reflects at most `radiance` in any channel.

@@ -34,9 +34,10 @@ use crate::photons::{
 };
 use crate::sampling::SampleStream;
 use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
+use crate::settings::Wavelengths;
 use gather::Gain;
 use glam::Vec3;
-use lookup::{irradiance, irradiance_of, reflected_estimate};
+use lookup::{irradiance, irradiance_of, is_grey, reflected_estimate};
 pub(super) use reuse::Remembered;
 use std::f32::consts::FRAC_1_PI;
 use walk::{Walk, walk_specular};
@@ -83,6 +84,8 @@ pub struct PhotonMapSettings {
     pub approximate_weight: f32,
     /// Side of the voxels of brick maps that gather rays read, over the width of the cone of the ray.
     pub atlas_footprint: f32,
+    /// Wavelengths of paths where light is dispersed.
+    pub wavelengths: Wavelengths,
     /// Narrowing of the biased estimates in a round of progressive rendering; `None` for an image from a single set of maps.
     pub narrowing: Option<Narrowing>,
 }
@@ -303,6 +306,9 @@ impl<'a> PhotonMapIntegrator<'a> {
         let (Some(map), Some(lambert)) = (&self.maps.caustic, lambert) else {
             return self.caustics(vertex, other, scratch);
         };
+        if map.is_dispersed() && !is_grey(lambert.reflectance) {
+            return self.caustics(vertex, other, scratch);
+        }
         let by_map = self.summed_up(vertex.hit, vertex.shading, IlluminationMaps::caustic, scratch);
         if let Some(radiance) = by_map {
             return (radiance, Rgb::ZERO);
@@ -399,6 +405,7 @@ impl Integrator for PhotonMapIntegrator<'_> {
             max_depth: self.settings.max_depth,
             glossy_samples: self.settings.glossy_samples,
             samples_lights: true,
+            wavelengths: self.settings.wavelengths,
             media: Some(&|stretch, throughput, samples, scratch| {
                 self.scattered_along(stretch, throughput, samples, scratch)
             }),

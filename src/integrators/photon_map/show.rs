@@ -73,6 +73,7 @@ impl Integrator for ShowPhotons<'_> {
             max_depth: self.settings.max_depth,
             glossy_samples: self.settings.glossy_samples,
             samples_lights: false,
+            wavelengths: self.settings.wavelengths,
             media: None,
         };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {

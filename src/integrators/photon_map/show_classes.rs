@@ -9,6 +9,7 @@ use crate::media::MediumStack;
 use crate::photons::{PhotonClass, PhotonClasses, PhotonMap, Query};
 use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
+use crate::settings::Wavelengths;
 
 /// Radius of a photon's disc, as a share of the scene's radius.
 const DISC: f32 = 0.006;
@@ -84,6 +85,8 @@ impl Integrator for ShowClasses<'_> {
             max_depth: self.max_depth,
             glossy_samples: 1,
             samples_lights: false,
+            // One direction tells what lies behind glass.
+            wavelengths: Wavelengths::Off,
             media: None,
         };
         walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {

@@ -9,6 +9,8 @@ use crate::math::Rgb;
 use crate::media::MediumStack;
 use crate::sampling::SampleStream;
 use crate::scene::Scene;
+use crate::settings::Wavelengths;
+use crate::spectra::{Line, at_line};
 use crate::transport::{Arrival, Event, Stretch, emitted, escaped, next_event, surface_through_media};
 use std::cell::Cell;
 
@@ -26,6 +28,8 @@ pub(super) struct Walk<'a> {
     pub glossy_samples: u32,
     /// Whether lights are sampled at highly glossy lobes; emission that their rays hit then gets an MIS weight.
     pub samples_lights: bool,
+    /// Wavelengths of paths where light is dispersed.
+    pub wavelengths: Wavelengths,
     /// Light that media scatter along a path; `None` where it is not needed.
     pub media: Option<&'a ScatteredAlong<'a>>,
 }
@@ -44,7 +48,7 @@ pub(super) fn walk_specular<const N: usize>(
     scratch: &mut Scratch,
     shade: &mut impl FnMut(&Vertex<'_>, &mut SampleStream, &mut Scratch) -> [(Aov, Rgb); N],
 ) -> PixelSample {
-    let Walk { scene, max_depth, glossy_samples, samples_lights, media } = walk;
+    let Walk { scene, max_depth, glossy_samples, samples_lights, wavelengths, media } = walk;
     let mut out = PixelSample::default();
     scratch.counters.camera_rays += 1;
     let mut branches = std::mem::take(&mut scratch.branches);
@@ -64,24 +68,26 @@ pub(super) fn walk_specular<const N: usize>(
             None => 1.0,
         };
         let event = if scene.scatters() {
-            let throughput = branch.throughput;
+            let (throughput, line) = (branch.throughput, branch.line);
+            // What decides between the channels of media.
+            let weights = line.map_or(throughput, Line::primaries);
             let u = samples.next_1d();
             let passage = surface_through_media(scene, &branch.ray, &mut branch.medium, u, |stretch| {
-                let there = throughput * stretch.weight;
+                let there = weights * stretch.weight;
                 let Some(media) = media.filter(|_| there != Rgb::ZERO) else { return };
                 for (aov, radiance) in media(stretch, there, samples, scratch) {
-                    out.add(part(aov), there * radiance);
+                    out.add(part(aov), throughput * at_line(line, stretch.weight * radiance));
                 }
             });
-            out.add(part(Aov::Emission), throughput * passage.emitted);
-            branch.throughput *= passage.weight;
+            out.add(part(Aov::Emission), branch.received(passage.emitted));
+            branch.throughput = branch.received(passage.weight);
             passage.event
         } else {
             next_event(scene, &branch.ray, &mut branch.medium)
         };
         let Event::Surface(arrival) = event else {
             let found = escaped(scene, branch.ray.direction, branch.partner, glint);
-            out.add(part(Aov::Emission), branch.throughput * found);
+            out.add(part(Aov::Emission), branch.received(found));
             scratch.counters.rare_glints += rare.get();
             continue;
         };
@@ -93,11 +99,22 @@ pub(super) fn walk_specular<const N: usize>(
             branch.partner = None;
             widened.set(false);
         }
-        arrival.attenuate(&mut branch.throughput);
+        if let Some(transmittance) = arrival.transmittance {
+            branch.throughput = branch.received(transmittance);
+        }
         let found = emitted(scene, &hit, branch.partner, glint);
-        out.add(part(Aov::Emission), branch.throughput * found);
+        out.add(part(Aov::Emission), branch.received(found));
         scratch.counters.rare_glints += rare.get();
-        let shading = scene.shading_within(&hit, branch.medium);
+        let mut shading = scene.shading_for(&hit, branch.medium, branch.line);
+        if shading.disperses
+            && branch.line.is_none()
+            && wavelengths != Wavelengths::Off
+            && !shading.bsdf.is_delta()
+        {
+            // Each direction that a rough surface reflects or refracts may be another at another wavelength.
+            branch = branch.dispersed(Line::choose(wavelengths, samples.next_1d()));
+            shading = scene.shading_for(&hit, branch.medium, branch.line);
+        }
         let bsdf = &shading.bsdf;
         if bsdf.has_specular() || bsdf.has_glossy() {
             scratch.counters.interfaces += 1;
@@ -106,12 +123,15 @@ pub(super) fn walk_specular<const N: usize>(
             if branch.depth + 1 >= max_depth {
                 scratch.counters.truncated += 1;
             } else if bsdf.is_delta() {
-                push_children(&mut branches, &branch, scene, &hit, &shading, samples);
+                push_children(&mut branches, &branch, (scene, wavelengths), &hit, &shading, samples);
             } else {
                 let how = (scene, samples_lights, glossy_samples);
                 push_scattered(&mut branches, &branch, how, &hit, &shading, samples);
             }
-            for next in branches[before..].iter_mut().filter(|next| branch.spread > 0.0 && !next.is_glossy) {
+            for next in branches[before..]
+                .iter_mut()
+                .filter(|next| branch.spread > 0.0 && !next.is_glossy && next.line.is_none())
+            {
                 let at = (&hit, &shading);
                 if let Some(found) = camera.widened((&branch, next), at, samples, scratch) {
                     next.widened = true;
@@ -127,13 +147,13 @@ pub(super) fn walk_specular<const N: usize>(
             shading: &shading,
             medium: branch.medium,
             share: branch.share,
-            weight: branch.throughput.max_element(),
+            weight: branch.throughput.abs().max_element(),
             depth: branch.depth + 1,
             travelled: branch.travelled + hit.distance,
             width: FAINT_WIDTH * (branch.travelled + hit.distance),
         };
         for (aov, radiance) in shade(&vertex, samples, scratch) {
-            out.add(part(aov), branch.throughput * radiance);
+            out.add(part(aov), branch.received(radiance));
         }
         out.bias += branch.throughput * std::mem::take(&mut scratch.bias);
     }

@@ -94,7 +94,14 @@ pub fn record_rays(scene: &Scene, camera: &Camera, count: usize, seed: u64) -> V
             break;
         }
     }
-    let settings = TraceSettings { kind: MapKind::Global, stored: 0, seed, max_depth: 1000, aimed: true };
+    let settings = TraceSettings {
+        kind: MapKind::Global,
+        stored: 0,
+        seed,
+        max_depth: 1000,
+        aimed: true,
+        wavelengths: Default::default(),
+    };
     // The number of photons is chosen to give this many rays, so that all lights are included in the order of tracing.
     let first = record_photon_rays(scene, &settings, count as u64);
     let emitted = (count as f64).powi(2) / first.len().max(1) as f64;

@@ -108,7 +108,14 @@ impl Stage {
         wanted: impl Fn(usize, DVec3) -> bool,
         seed: u64,
     ) -> Result<Vec<DVec3>, ValidateError> {
-        let settings = TraceSettings { kind, stored, seed, max_depth: 1000, aimed: true };
+        let settings = TraceSettings {
+            kind,
+            stored,
+            seed,
+            max_depth: 1000,
+            aimed: true,
+            wavelengths: Default::default(),
+        };
         let traced = trace_photons(self.scene(), &settings, &|_, _| true);
         let TracedPhotons { photons, emitted, .. } = traced.ok_or(ValidateError::Missing("a photon"))?;
         Ok(self.sum(photons, emitted, areas, wanted))

@@ -6,9 +6,10 @@ use super::fade::Fade;
 use super::nearest::Nearest;
 use super::points::{decode_length, encode_length, median};
 use super::record::BeamRecord;
-use crate::math::{Rgb, Rgbe};
+use crate::math::Rgb;
 use crate::media::Volume;
 use crate::media::density::{Density, Line};
+use crate::photons::power::PackedPower;
 use crate::sampling::{Rng, Stream};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -37,7 +38,7 @@ const LEAF: usize = 8;
 struct Beam {
     start: Vec3,
     end: Vec3,
-    power: Rgbe,
+    power: PackedPower,
 }
 
 /// The middle of a piece.
@@ -85,7 +86,7 @@ impl BeamMap {
             .iter()
             .take(MOST_BEAMS)
             .map(|record| {
-                let power = Rgbe::encode_dithered(record.power, rng.next_f32());
+                let power = PackedPower::encode(record.power, record.line, rng.next_f32());
                 Beam { start: record.start, end: record.end, power }
             })
             .collect();

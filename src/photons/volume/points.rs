@@ -5,9 +5,10 @@ use super::box_tree::{Bounds, BoxTree};
 use super::fade::Fade;
 use super::nearest::Nearest;
 use super::record::PointRecord;
-use crate::math::{Rgb, Rgbe, octahedral_decode, octahedral_encode};
+use crate::math::{Rgb, octahedral_decode, octahedral_encode};
 use crate::media::Phase;
 use crate::media::density::Line;
+use crate::photons::power::PackedPower;
 use crate::sampling::{Rng, Stream};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -34,7 +35,7 @@ struct Block {
     z: [f32; LEAF],
     /// Widths of the kernels: [`encode_length`].
     radius: [u16; LEAF],
-    power: [Rgbe; LEAF],
+    power: [PackedPower; LEAF],
     wi: [u16; LEAF],
     /// Normals of the nearest surfaces, away from the photon.
     normal: [u16; LEAF],
@@ -63,7 +64,7 @@ impl Block {
             y: [f32::NAN; LEAF],
             z: [f32::NAN; LEAF],
             radius: [encode_length(1.0); LEAF],
-            power: [Rgbe::default(); LEAF],
+            power: [PackedPower::default(); LEAF],
             wi: [0; LEAF],
             normal: [0; LEAF],
             clear: [FAR; LEAF],
@@ -179,7 +180,7 @@ pub(super) fn decode_length(code: u16) -> f32 {
 #[derive(Clone, Copy)]
 struct Traced {
     position: Vec3,
-    power: Rgbe,
+    power: PackedPower,
     wi: u16,
 }
 
@@ -193,7 +194,7 @@ impl Point for Traced {
     }
 
     fn tie(&self) -> u64 {
-        u64::from(u32::from_be_bytes(self.power.0)) << 16 | u64::from(self.wi)
+        u64::from(u32::from_be_bytes(self.power.to_bytes())) << 16 | u64::from(self.wi)
     }
 }
 
@@ -223,7 +224,7 @@ impl PointMap {
             .iter()
             .map(|record| Traced {
                 position: record.position,
-                power: Rgbe::encode_dithered(record.power, rng.next_f32()),
+                power: PackedPower::encode(record.power, record.line, rng.next_f32()),
                 wi: octahedral_encode(record.wi, WI_BITS) as u16,
             })
             .collect();

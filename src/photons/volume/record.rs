@@ -4,6 +4,7 @@ use super::fade::Steps;
 use crate::math::{Ray, Rgb};
 use crate::media::{End, Losses, MediumId};
 use crate::sampling::Rng;
+use crate::spectra::{Line, at_line};
 use crate::transport::{Collision, Stretch};
 use glam::Vec3;
 
@@ -16,8 +17,11 @@ pub(in crate::photons) struct BeamRecord {
     pub start: Vec3,
     /// End, render space.
     pub end: Vec3,
-    /// Unnormalised flux at the start, watts; along the whole beam where the density of the medium has no integral in closed form.
+    /// Unnormalised flux at the start, watts; along the whole beam where the density of the medium has no integral in closed form. With a
+    /// `line` all channels are that of its wavelength.
     pub power: Rgb,
+    /// Wavelength of a photon that was dispersed.
+    pub line: Option<Line>,
 }
 
 /// A photon where a medium scattered it.
@@ -29,8 +33,10 @@ pub(in crate::photons) struct PointRecord {
     pub position: Vec3,
     /// Unit direction back along the path of the photon.
     pub wi: Vec3,
-    /// Unnormalised flux that the medium scatters, watts: the albedo is contained.
+    /// Unnormalised flux that the medium scatters, watts: the albedo is contained. With a `line` all channels are that of its wavelength.
     pub power: Rgb,
+    /// Wavelength of a photon that was dispersed.
+    pub line: Option<Line>,
 }
 
 /// Photons in media, in the order in which they were traced.
@@ -50,11 +56,11 @@ impl MediaRecords {
         &mut self,
         ray: &Ray,
         stretch: &Stretch<'_>,
-        power: Rgb,
+        (power, line): (Rgb, Option<Line>),
         reach: f64,
         rng: &mut Rng,
     ) {
-        let power = power * stretch.weight;
+        let power = power * at_line(line, stretch.weight);
         let volume = stretch.volume;
         if !(power.max_element() > 0.0) || volume.coefficients().scattering() == Rgb::ZERO {
             return;
@@ -67,26 +73,33 @@ impl MediaRecords {
         }
         if volume.density().depth(&stretch.line, 0.0).is_some() {
             let visible = self.visible_length(stretch, length);
-            self.beams.push(BeamRecord { medium, start: at(0.0), end: at(visible), power });
+            self.beams.push(BeamRecord { medium, start: at(0.0), end: at(visible), power, line });
         } else {
             let steps = Steps::new(volume, &stretch.line, length, rng);
             steps.each(|t0, t1, left| {
-                self.beams.push(BeamRecord { medium, start: at(t0), end: at(t1), power: power * left });
+                let power = power * at_line(line, left);
+                self.beams.push(BeamRecord { medium, start: at(t0), end: at(t1), power, line });
             });
         }
-        let flight = volume.fly(&stretch.line, length, power, Losses::Weighted, rng);
+        let weights = line.map_or(power, Line::primaries);
+        let flight = volume.fly(&stretch.line, length, weights, Losses::Weighted, rng);
         if let End::Scattered { t, weight } = flight.end {
-            let power = power * weight * volume.coefficients().albedo();
-            self.points.push(PointRecord { medium, position: at(t), wi: -ray.direction, power });
+            let power = power * at_line(line, weight * volume.coefficients().albedo());
+            self.points.push(PointRecord { medium, position: at(t), wi: -ray.direction, power, line });
         }
     }
 
     /// Records a photon where a medium scatters it; `power` contains the albedo.
-    pub(in crate::photons) fn scatter(&mut self, ray: &Ray, collision: &Collision<'_>, power: Rgb) {
+    pub(in crate::photons) fn scatter(
+        &mut self,
+        ray: &Ray,
+        collision: &Collision<'_>,
+        (power, line): (Rgb, Option<Line>),
+    ) {
         if power.max_element() > 0.0 && power.is_finite() {
             let medium = collision.stretch.medium.medium();
             let position = collision.position;
-            self.points.push(PointRecord { medium, position, wi: -ray.direction, power });
+            self.points.push(PointRecord { medium, position, wi: -ray.direction, power, line });
         }
     }
 

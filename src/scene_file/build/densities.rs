@@ -201,6 +201,7 @@ pub(super) fn with_boxes(
                 caustic_photons: 1.0,
                 illumination: None,
                 emission: None,
+                displacement: None,
                 group: None,
             },
         });

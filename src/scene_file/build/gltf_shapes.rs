@@ -122,6 +122,7 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
                     },
                     flip_normal: shape.value.flip_normal != part.value.flip_normal,
                     emission: if *own_materials { part.value.emission } else { shape.value.emission },
+                    displacement: None,
                     group: if stays {
                         part.value.group.map(|group| first_group + group)
                     } else {

@@ -8,6 +8,7 @@ use super::{BuildError, BuildProblem};
 use crate::math::Bounds3;
 use crate::media::{Medium, Volume};
 use crate::scene::RenderSpace;
+use crate::spectra::LineIndices;
 use std::cmp::Reverse;
 use std::sync::Arc;
 
@@ -27,6 +28,7 @@ pub(super) fn media(
         Ok(Medium {
             name: medium.name.clone(),
             ior: medium.value.ior as f32,
+            dispersion: medium.value.dispersion.as_ref().map(LineIndices::new),
             absorption: (medium.value.absorption / space.scale).as_vec3(),
             volume: volume.map(Arc::new),
             rank,

@@ -2,6 +2,7 @@
 
 mod around;
 mod densities;
+mod displace;
 mod gltf_shapes;
 mod light;
 mod media;
@@ -11,6 +12,7 @@ mod textured;
 
 use self::around::Ready;
 pub(super) use self::densities::NOISE_BYTES;
+use self::displace::Displaced;
 use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
@@ -90,6 +92,12 @@ pub enum BuildProblem {
     /// The triangles are refused.
     #[error(transparent)]
     Triangles(#[from] TriangleError),
+    /// The displaced mesh would have too many triangles.
+    #[error(
+        "`displace` would make {0:.0} triangles, more than {most}; choose a larger `edge`",
+        most = displace::MOST_TRIANGLES
+    )]
+    Displacement(f64),
     /// The scene cannot be placed around the mesh.
     #[error(
         "its `fit` moves the scene, and its transform scales differently along different axes; leave that out"
@@ -356,6 +364,19 @@ impl<'a> Builder<'a> {
                 warn(format!("{}: the mesh is empty, nothing of it will be seen", shape.name));
             }
             let transform = shape.value.transform * before;
+            let source = match (source, &shape.value.displacement) {
+                (Source::Mesh(mesh, _), Some(displacement)) => {
+                    let how = Displaced {
+                        texture: &description.textures[displacement.texture].value,
+                        height: displacement.height,
+                        edge: displacement.edge,
+                        to_world: transform,
+                        flat: displacement.is_flat,
+                    };
+                    Source::mesh(how.displace(&mesh).map_err(error)?)
+                }
+                (source, _) => source,
+            };
             if !(transform.matrix3.determinant() != 0.0 && transform.is_finite()) {
                 return Err(error(BuildProblem::Singular));
             }

@@ -432,7 +432,13 @@ fn description_of(
             taken.media.push(Named {
                 name: format!("inside of {}", material.name),
                 location: shape.location.clone(),
-                value: MediumDescription { ior, absorption: DVec3::ZERO, priority: 0, volume: None },
+                value: MediumDescription {
+                    ior,
+                    dispersion: None,
+                    absorption: DVec3::ZERO,
+                    priority: 0,
+                    volume: None,
+                },
             });
             MaterialDescription::Dielectric { inside: taken.media.len() - 1, outside: 0, roughness: 0.0 }
         }

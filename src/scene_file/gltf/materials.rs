@@ -8,6 +8,7 @@ use crate::image_io::{Image, ImageError};
 use crate::math::Rgb;
 use crate::scene::{Coverage, LayeredMaterial};
 use crate::scene_file::description::{MaterialDescription, MediumDescription, Named, SceneDescription};
+use crate::spectra::Dispersion;
 use crate::textures::{
     Encoding, ImageTexture, Sampler, TEXTURE_LIMIT, TextureBudget, TextureSlot, Wrap, read_picture,
     read_picture_bytes,
@@ -320,10 +321,26 @@ impl<'a> Materials<'a> {
         } else {
             DVec3::ZERO
         };
+        let strength = f64::from(part.number("/extensions/KHR_materials_dispersion/dispersion", 0.0)?);
+        let dispersion = if strength > 0.0 && ior > 1.0 {
+            // The extension's number is twenty over that of Abbe.
+            match Dispersion::from_abbe(f64::from(ior), 20.0 / strength) {
+                Ok(dispersion) => Some(dispersion),
+                Err(error) => return fail(part.object, format!("a dispersion of {strength}, {error}")),
+            }
+        } else {
+            None
+        };
         description.media.push(Named {
             name: format!("inside of {name}"),
             location: description.location.clone(),
-            value: MediumDescription { ior: f64::from(ior), absorption, priority: 0, volume: None },
+            value: MediumDescription {
+                ior: f64::from(ior),
+                dispersion,
+                absorption,
+                priority: 0,
+                volume: None,
+            },
         });
         Ok(Some([description.media.len() - 1, 0]))
     }

@@ -332,7 +332,8 @@ fn load(
 /// An empty scene.
 fn blank(path: &Path) -> SceneDescription {
     let location = Location { file: Arc::new(PathBuf::from(path)), line: 0, column: 0 };
-    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
+    let air =
+        MediumDescription { ior: 1.0, dispersion: None, absorption: DVec3::ZERO, priority: 0, volume: None };
     SceneDescription {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         media: vec![Named { name: "air".to_owned(), location: location.clone(), value: air }],
@@ -517,6 +518,7 @@ impl Loader<'_> {
                         material: material.material,
                         caustic_photons: 1.0,
                         emission,
+                        displacement: None,
                         group,
                     },
                 });

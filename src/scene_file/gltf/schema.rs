@@ -230,6 +230,7 @@ static MATERIAL: Shape = Shape {
     extensions: &[
         ("KHR_materials_anisotropy", &ANISOTROPY),
         ("KHR_materials_clearcoat", &CLEARCOAT),
+        ("KHR_materials_dispersion", &DISPERSION),
         ("KHR_materials_emissive_strength", &EMISSIVE_STRENGTH),
         ("KHR_materials_ior", &IOR),
         ("KHR_materials_pbrSpecularGlossiness", &SPECULAR_GLOSSINESS),
@@ -303,6 +304,8 @@ static CLEARCOAT: Shape = shape(&[
 static EMISSIVE_STRENGTH: Shape = shape(&[may("emissiveStrength", Kind::Number(FROM_ZERO))]);
 
 /// An index of 0 makes facets reflect all light; converters from specular-glossiness materials use it.
+static DISPERSION: Shape = shape(&[may("dispersion", Kind::Number(FROM_ZERO))]);
+
 static IOR: Shape = shape(&[may(
     "ior",
     Kind::Number(Range { also: Some(0.0), ..range(1.0, f64::INFINITY, Refuse, Refuse) }),

@@ -116,6 +116,7 @@ impl Building<'_> {
             location: object.place().location.clone(),
             value: MediumDescription {
                 ior,
+                dispersion: None,
                 absorption: filling.absorption,
                 priority: 0,
                 volume: filling.volume,

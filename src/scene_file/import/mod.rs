@@ -44,7 +44,8 @@ pub(crate) fn blank_film([width, height]: [u32; 2], filter: FilterDescription) -
 /// A scene of a file without anything in it but air.
 pub(crate) fn blank_scene(path: &Path, film: FilmDescription) -> SceneDescription {
     let location = Location { file: Arc::new(path.to_path_buf()), line: 0, column: 0 };
-    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
+    let air =
+        MediumDescription { ior: 1.0, dispersion: None, absorption: DVec3::ZERO, priority: 0, volume: None };
     SceneDescription {
         name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
         media: vec![Named { name: "air".to_owned(), location: location.clone(), value: air }],

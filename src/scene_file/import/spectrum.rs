@@ -3,7 +3,7 @@
 use super::error::{Fault, Place, fail};
 use super::text::{number, shown, tokens};
 use crate::files::{read_regular, text_of};
-use crate::math::cie::{FIRST, ROWS, STEP, planck};
+use crate::spectra::cie::{FIRST, ROWS, STEP, planck};
 use crate::textures::srgb_to_linear;
 use glam::{DMat3, DVec3};
 use std::path::Path;

@@ -1,20 +1,14 @@
 //! `[materials.NAME]`, and the ranges that materials and media share.
 
 use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
+use super::index::{Index, read_index};
 use super::names::Names;
 use super::textures::read_look;
 use crate::bsdf::Bsdf;
 use crate::math::Rgb;
 use crate::scene_file::description::*;
-use crate::scene_file::reader::{Context, Expected, NON_NEGATIVE, Table};
+use crate::scene_file::reader::{Context, NON_NEGATIVE, Table};
 use glam::DVec3;
-
-/// Range of indices of refraction. No transparent material is near the upper bound; a higher value is a mistake.
-pub(super) const IOR: Expected = Expected {
-    what: "an index of refraction from 1 to 100",
-    example: "1.5",
-    holds: |x| (1.0..=100.0).contains(&x),
-};
 
 /// Index of `air` in [`SceneDescription::media`].
 const AIR: usize = 0;
@@ -119,8 +113,9 @@ fn read_material(
             inside.zip(outside.zip(roughness)).map(|(inside, (outside, roughness))| {
                 let inside = match inside {
                     Inside::Named(index) => index,
-                    Inside::Anonymous(ior, absorption) => {
-                        let value = MediumDescription { ior, absorption, priority: 0, volume: None };
+                    Inside::Anonymous(Index { ior, dispersion }, absorption) => {
+                        let value =
+                            MediumDescription { ior, dispersion, absorption, priority: 0, volume: None };
                         let name = format!("inside of {name}");
                         media.push(Named { name, location: location.clone(), value });
                         media.len() - 1
@@ -142,7 +137,7 @@ enum Inside {
     /// Index into [`SceneDescription::media`].
     Named(usize),
     /// Defined at the material itself: index of refraction and absorption.
-    Anonymous(f64, DVec3),
+    Anonymous(Index, DVec3),
 }
 
 /// Reads `inside = "NAME"`, or the short form `ior = ...` with an optional `absorption = ...`.
@@ -160,7 +155,7 @@ fn read_inside(table: &mut Table<'_>, media_names: &Names, unit: f64) -> Option<
         (Some(inside), None, None) => media_names.find(inside).map(Inside::Named),
         (None, Some(ior), _) => {
             let absorption = read_absorption(table, unit);
-            let ior = ior.number(&IOR);
+            let ior = read_index(ior);
             Some(Inside::Anonymous(ior?, absorption?))
         }
         (None, None, _) => table.refuse(

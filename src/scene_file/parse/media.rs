@@ -1,7 +1,8 @@
 //! `[media.NAME]`.
 
 use super::density::{FACTOR, read_density, read_fills};
-use super::materials::{IOR, read_absorption};
+use super::index::{IOR, Index, read_index};
+use super::materials::read_absorption;
 use super::names::Names;
 use crate::math::Rgb;
 use crate::media::{Coefficients, NAMED_MEDIA, NamedMedium, Phase};
@@ -26,7 +27,8 @@ const MEAN_COSINE: Expected = Expected {
 pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
     let mut names = Names::new("medium");
     names.add("air", 0..0);
-    let air = MediumDescription { ior: 1.0, absorption: DVec3::ZERO, priority: 0, volume: None };
+    let air =
+        MediumDescription { ior: 1.0, dispersion: None, absorption: DVec3::ZERO, priority: 0, volume: None };
     let mut media =
         vec![Named { name: "air".to_string(), location: Location::default(), value: air.clone() }];
     for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
@@ -65,25 +67,26 @@ fn read_medium(mut table: Table<'_>, unit: f64) -> Option<MediumDescription> {
         // A scattering medium may be droplets in air, so `ior` is optional.
         Some(Some(_)) => {
             let usual = preset.flatten().map_or(1.0, |preset| f64::from(preset.ior()));
-            table.or("ior", usual, |value| value.number(&IOR))
+            table.or("ior", Index::constant(usual), read_index)
         }
-        Some(None) => table.required("ior", IOR.example, |value| value.number(&IOR)),
+        Some(None) => table.required("ior", IOR.example, read_index),
         // What is wrong has been said; perhaps the medium scatters.
-        None => table.optional("ior", |value| value.number(&IOR)).flatten(),
+        None => table.optional("ior", read_index).flatten(),
     };
     let priority = table.or("priority", 0, |value| Some(value.number(&PRIORITY)? as i32));
-    if let (Some(Some(volume)), Some(ior)) = (&volume, ior) {
-        check_fills(&table, volume, ior)?;
+    if let (Some(Some(volume)), Some(index)) = (&volume, &ior) {
+        check_fills(&table, volume, index)?;
     }
     table.finish();
     let (volume, absorption) = (volume?, absorption?);
     preset?;
     let absorption = if volume.is_some() { DVec3::ZERO } else { absorption };
-    Some(MediumDescription { ior: ior?, absorption, priority: priority?, volume })
+    let Index { ior, dispersion } = ior?;
+    Some(MediumDescription { ior, dispersion, absorption, priority: priority?, volume })
 }
 
 /// Whether a medium can fill what it is to fill.
-fn check_fills(table: &Table<'_>, volume: &VolumeDescription, ior: f64) -> Option<()> {
+fn check_fills(table: &Table<'_>, volume: &VolumeDescription, index: &Index) -> Option<()> {
     let has_bounds = matches!(volume.density, DensityDescription::Noise(_) | DensityDescription::Vdb { .. });
     let title = table.title();
     if volume.fills == FillDescription::Bounds && !has_bounds {
@@ -92,7 +95,8 @@ fn check_fills(table: &Table<'_>, volume: &VolumeDescription, ior: f64) -> Optio
             "write `fills = \"scene\"`, a `density` of type `noise` or `vdb`, or give the medium to a body";
         return table.refuse(message, remedy);
     }
-    if volume.fills != FillDescription::Bodies && ior != 1.0 {
+    if volume.fills != FillDescription::Bodies && *index != Index::constant(1.0) {
+        let ior = index.ior;
         let message =
             format!("{title} has no body of its own, and `ior = {ior}` would make its border a surface");
         return table.refuse(message, "write `ior = 1.0`, or give the medium to a body in place of `fills`");

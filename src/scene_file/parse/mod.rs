@@ -3,6 +3,7 @@
 mod density;
 mod generate;
 mod glossy;
+mod index;
 mod lights;
 mod materials;
 mod media;
@@ -178,7 +179,7 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
     if shape_tables.is_empty() && table.get("shapes").is_none() && !media.iter().any(has_box) {
         context.error_of_file("the scene has no shapes", "add at least one `[[shapes]]` table");
     }
-    let shapes = shapes::read_shapes(shape_tables, &material_names, unit);
+    let shapes = shapes::read_shapes(shape_tables, (&material_names, &texture_names), unit);
     if shapes.uses_implied_material {
         materials.push(materials::implied_material(context));
     }

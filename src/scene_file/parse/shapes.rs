@@ -62,7 +62,11 @@ const KINDS: &[(&str, Kind)] = &[
     ("terrain", Kind::Terrain),
 ];
 
-pub(super) fn read_shapes(tables: Vec<Table<'_>>, materials: &Names, unit: f64) -> Shapes {
+pub(super) fn read_shapes(
+    tables: Vec<Table<'_>>,
+    (materials, textures): (&Names, &Names),
+    unit: f64,
+) -> Shapes {
     let mut names = Names::new("shape");
     let mut result = Shapes {
         shapes: Vec::new(),
@@ -74,7 +78,7 @@ pub(super) fn read_shapes(tables: Vec<Table<'_>>, materials: &Names, unit: f64) 
         let name = read_name(&mut table, &mut names, "shape", index);
         let location = table.location();
         let group = table.optional("group", |value| read_group(value, &mut result));
-        let shape = read_shape(table, materials, unit);
+        let shape = read_shape(table, (materials, textures), unit);
         let (Some(name), Some(group), Some(shape)) = (name, group, shape) else { continue };
         result.uses_implied_material |= shape.material == materials.len();
         result.shapes.push(Named { name, location, value: ShapeDescription { group, ..shape } });
@@ -93,7 +97,11 @@ fn read_group(value: Value<'_>, result: &mut Shapes) -> Option<usize> {
     Some(index)
 }
 
-fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<ShapeDescription> {
+fn read_shape(
+    mut table: Table<'_>,
+    (materials, textures): (&Names, &Names),
+    unit: f64,
+) -> Option<ShapeDescription> {
     let kind = table.required("type", "\"sphere\"", |value| value.choice(KINDS))?;
     let geometry = match kind {
         Kind::Mesh => read_mesh(&mut table),
@@ -121,6 +129,14 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         table.refuse::<()>(
             format!("{} has no coordinates over which illumination could be summed up", table.title()),
             "give the map to a quad, box, sphere, cylinder or disc; other shapes keep their photons",
+        );
+    }
+    let displacement = table.optional("displace", |value| read_displacement(value, textures, unit));
+    let is_one_mesh = !matches!(geometry, Some(GeometryDescription::MeshFile { own_materials: true, .. }));
+    if matches!(displacement, Some(Some(_))) && !(matches!(kind, Kind::Mesh) && is_one_mesh) {
+        table.refuse::<()>(
+            format!("{} cannot be displaced", table.title()),
+            "displace a mesh with one material: `type = \"mesh\"`, without `materials = \"file\"`",
         );
     }
     let emission = table.optional("emission", read_emission);
@@ -155,8 +171,22 @@ fn read_shape(mut table: Table<'_>, materials: &Names, unit: f64) -> Option<Shap
         caustic_photons: caustic_photons?,
         illumination: illumination?,
         emission: emission?,
+        displacement: displacement?,
         group: None,
     })
+}
+
+/// Reads `displace = { texture = "NAME", height = 0.02, edge = 0.01 }`.
+fn read_displacement(value: Value<'_>, textures: &Names, unit: f64) -> Option<DisplacementDescription> {
+    let example = "write for example `displace = { texture = \"NAME\", height = 0.02, edge = 0.01 }`";
+    let mut table = value.table("`displace`", example)?;
+    let texture = table.required("texture", "\"NAME\"", |value| textures.find(value));
+    let height = table.required("height", "0.02", |value| value.number(&NUMBER));
+    let edge = table.required("edge", "0.01", |value| value.number(&POSITIVE));
+    let normals = table.or("normals", false, |value| value.choice(&[("smooth", false), ("flat", true)]));
+    table.finish();
+    let (height, edge) = (height? * unit, edge? * unit);
+    Some(DisplacementDescription { texture: texture?, height, edge, is_flat: normals? })
 }
 
 /// Reads `true`, `false`, a kernel, or a table of options.

@@ -11,6 +11,7 @@ use crate::textures::{Octaves, Pattern, SolidTexture};
 enum Kind {
     Noise,
     Turbulence,
+    Waves,
     Marble,
     Wood,
 }
@@ -18,6 +19,7 @@ enum Kind {
 const KINDS: &[(&str, Kind)] = &[
     ("noise", Kind::Noise),
     ("turbulence", Kind::Turbulence),
+    ("waves", Kind::Waves),
     ("marble", Kind::Marble),
     ("wood", Kind::Wood),
 ];
@@ -67,6 +69,7 @@ fn read_texture(mut table: Table<'_>, unit: f64) -> Option<SolidTexture> {
     let pattern = match kind? {
         Kind::Noise => Some(Pattern::Noise(octaves)),
         Kind::Turbulence => Some(Pattern::Turbulence(octaves)),
+        Kind::Waves => Some(Pattern::Waves(octaves)),
         Kind::Marble => {
             let (spacing, distortion) = (spacing(&mut table), distortion(&mut table, 1.0));
             let sharpness = table.or("sharpness", 1.0, |value| value.number(&SHARPNESS));

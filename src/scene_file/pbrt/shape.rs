@@ -130,6 +130,7 @@ impl Importer<'_> {
                     caustic_photons: 1.0,
                     illumination: None,
                     emission,
+                    displacement: None,
                     group,
                 },
             });

@@ -100,7 +100,7 @@ pub(crate) const ROWS: [[f64; 4]; 85] = [
 ];
 
 /// CIE XYZ to linear Rec. 709.
-const TO_RGB: DMat3 = DMat3::from_cols(
+pub(super) const TO_RGB: DMat3 = DMat3::from_cols(
     DVec3::new(3.240_970, -0.969_244, 0.055_630),
     DVec3::new(-1.537_383, 1.875_968, -0.203_977),
     DVec3::new(-0.498_611, 0.041_555, 1.056_972),
