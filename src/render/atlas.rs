@@ -378,6 +378,7 @@ pub fn trace_photon_atlas(
         seed: settings.seed,
         max_depth: settings.max_depth,
         aimed: settings.aim_photons,
+        wavelengths: settings.wavelengths,
     };
     let mut take = |photons: &[Photon], surfaces: &[u32]| -> io::Result<()> {
         photons.iter().zip(surfaces).try_for_each(|(photon, &surface)| {
