@@ -117,11 +117,15 @@ fn waves(octaves: Octaves, p: DVec3, width: f64) -> f64 {
     for i in 0..WAVES {
         let wavelength = size * ratio.powi(i as i32);
         let amplitude = wavelength.powf(1.5);
+        power += 0.5 * amplitude * amplitude;
+        let share = kept(wavelength, width);
+        if share == 0.0 {
+            continue;
+        }
         let angle = (unit(2 * i) - 0.5) * (2.0 * TAU / 6.0);
         let along = p.x * angle.cos() + p.z * angle.sin();
         let phase = along / wavelength + unit(2 * i + 1);
-        sum += amplitude * kept(wavelength, width) * (TAU * (phase - phase.floor())).sin();
-        power += 0.5 * amplitude * amplitude;
+        sum += amplitude * share * (TAU * (phase - phase.floor())).sin();
     }
     // Four standard deviations fill the interval; rarer crests are cut.
     (0.5 + 0.125 * sum / power.sqrt()).clamp(0.0, 1.0)

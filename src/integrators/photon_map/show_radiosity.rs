@@ -9,6 +9,7 @@ use crate::media::MediumStack;
 use crate::radiosity::{PatchIrradiance, Radiosity};
 use crate::sampling::SampleStream;
 use crate::scene::{Scene, Shading};
+use crate::settings::Wavelengths;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
@@ -96,6 +97,8 @@ impl<'a> ShowRadiosity<'a> {
 impl Integrator for ShowRadiosity<'_> {
     fn li(&self, ray: &EyeRay<'_>, samples: &mut SampleStream, scratch: &mut Scratch) -> PixelSample {
         let walk = Walk {
+            // Radiosity knows no wavelengths.
+            wavelengths: Wavelengths::Off,
             scene: self.scene,
             max_depth: self.settings.max_depth,
             glossy_samples: self.settings.glossy_samples,
