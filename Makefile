@@ -12,8 +12,11 @@ demo: setup
 	cargo run --release --quiet -- render $(SCENE) --quality preview -o $(PICTURE)
 	@echo "The picture: $(PICTURE), and for any viewer $(PICTURE:.exr=.png)"
 
+# Without examples, which clippy compiles, and without documentation tests, of which there are none.
+TESTS := --release --workspace --lib --bins --tests
+
 test: setup
-	CARDIOID_OPENVDB=required cargo test --release --workspace
+	CARDIOID_OPENVDB=required cargo test $(TESTS)
 
 # All tests under each instruction set that this machine has, the best one last.
 test-isa: setup
@@ -21,7 +24,7 @@ test-isa: setup
 	    needs=$$(echo $$isa | sed 's/avx512/avx512vl/; s/sse4.2/sse4_2/'); \
 	    grep -qw "$$needs" /proc/cpuinfo || { echo "$$isa: this machine does not have it"; continue; }; \
 	    echo "== $$isa"; \
-	    CARDIOID_ISA=$$isa cargo test --release --workspace || exit 1; \
+	    CARDIOID_ISA=$$isa cargo test $(TESTS) || exit 1; \
 	done
 
 # Every line of README.md that starts the program, at quick settings, in a copy of this folder.

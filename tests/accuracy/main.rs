@@ -39,3 +39,4 @@ mod rooms;
 mod shading_normals;
 mod shadow_photons;
 mod support;
+mod validate;

@@ -180,7 +180,7 @@ fn for_parts() -> Overrides {
 
 #[test]
 fn parts_of_cornell_diffuse() {
-    let path = Overrides { spp: Some(32), ..path() };
+    let path = Overrides { spp: Some(16), ..path() };
     assert_same_parts(
         "cornell-diffuse",
         &Stage::load("cornell-diffuse", (128, 128)),
@@ -192,7 +192,7 @@ fn parts_of_cornell_diffuse() {
 /// By path tracing the caustics of this small lamp are known within 2 %.
 #[test]
 fn parts_of_cornell_spheres() {
-    let path = Overrides { spp: Some(128), ..path() };
+    let path = Overrides { spp: Some(64), ..path() };
     assert_same_parts(
         "cornell-spheres",
         &Stage::load("cornell-spheres", (128, 128)),
@@ -212,7 +212,7 @@ fn parts_of_cornell_spheres_under_a_large_lamp() {
     let bright = "[64.45833333333333, 45.5, 15.166666666666666]";
     assert!(text.contains(small) && text.contains(bright));
     let text = text.replace(small, large).replace(bright, "[1.2, 0.85, 0.28]");
-    let path = Overrides { spp: Some(128), ..path() };
+    let path = Overrides { spp: Some(48), ..path() };
     assert_same_parts("large lamp", &Stage::new(&text, (128, 128)), (&path, &for_parts()), 0.01);
 }
 
@@ -256,6 +256,6 @@ fn parts_with_shading_normals() {
         material = "paint"
         emission = { radiance = 2.0 }
     "#;
-    let path = Overrides { spp: Some(128), ..path() };
+    let path = Overrides { spp: Some(40), ..path() };
     assert_same_parts("smooth octahedron", &Stage::new(text, (96, 96)), (&path, &for_parts()), 0.01);
 }

@@ -1,10 +1,7 @@
 //! What a run does to files: none that it reads is replaced, and nothing that goes wrong beside the picture costs the picture.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
+use crate::common::{program, run, stderr};
 use cardioid::image_io::{self, Image, Layer, PngPixels};
-use common::{program, run, stderr};
 use std::fs;
 use std::path::Path;
 use std::process::Stdio;

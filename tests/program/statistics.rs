@@ -1,5 +1,4 @@
 //! `--stats` and `--stats-table`: every key is documented, and what is told adds up.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use serde_json::Value;
 use std::collections::BTreeSet;

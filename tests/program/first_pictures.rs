@@ -1,5 +1,4 @@
 //! The first picture of somebody's own model, without any option: there is light in it, and the model is seen.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use base64::Engine;
 use cardioid::image_io::{Image, read};

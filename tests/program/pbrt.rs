@@ -1,5 +1,4 @@
 //! Scenes of pbrt show everything on its side, and as bright as the scene files that say the same.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use cardioid::embree::Device;
 use cardioid::film::{Filter, LayerSet};

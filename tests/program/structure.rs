@@ -1,5 +1,4 @@
 //! The shape of the code itself: which room uses which, where `unsafe` is, and that nothing names a machine.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::collections::BTreeMap;
 use std::fs;

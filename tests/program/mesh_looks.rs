@@ -1,6 +1,5 @@
 //! What mesh files of other programs say of their surfaces is shown, or told: colours, pictures, materials, polygons with holes. Files
 //! that never end, and files of other kinds, are refused at once.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use cardioid::image_io::{Image, PngPixels, read, write_png};
 use std::fs;

@@ -1,5 +1,4 @@
 //! OBJ files with materials: pictures lie as they were meant to, light shines, and what is not read is told.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use cardioid::image_io::{Image, PngPixels, read, write_png};
 use std::fs;

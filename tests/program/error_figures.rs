@@ -1,5 +1,4 @@
 //! Error figures of real pictures against figures that were computed by other code.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use cardioid::image_io;
 use cardioid::measure::{ErrorFigures, Picture, Reference};

@@ -1,9 +1,6 @@
 //! What is said to who meets the program for the first time: hints for wrong command lines and keys, and names of what is wrong.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
-use common::{program, run, stderr, stdout};
+use crate::common::{program, run, stderr, stdout};
 use std::fs;
 use std::path::Path;
 use std::process::Stdio;

@@ -1,10 +1,7 @@
 //! The program as a user meets it: messages, exit codes, files, signals.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
+use crate::common::{self, program, stderr, stdout};
 use cardioid::image_io::{self, MetadataValue};
-use common::{program, stderr, stdout};
 #[cfg(unix)]
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;

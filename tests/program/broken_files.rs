@@ -1,10 +1,7 @@
 //! Files that are broken, of the wrong kind or not to be had, and signals at any time: clear errors, and nothing half-written
 //! under its final name.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
-use common::program;
+use crate::common::program;
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs;
 use std::os::unix::process::ExitStatusExt;

@@ -1,8 +1,6 @@
 //! `cardioid radiosity` as a user meets it: views that agree with a path-traced reference, and what is computed again after a change.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
+use crate::common;
 use cardioid::image_io;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,4 @@
 //! Scenes of Mitsuba give the pictures of the scene files that say the same.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use cardioid::embree::Device;
 use cardioid::film::{Filter, LayerSet};

@@ -1,5 +1,4 @@
 //! Photon atlas, brick maps and irradiance atlas, from the command line to the picture.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use cardioid::image_io;
 use serde_json::Value;

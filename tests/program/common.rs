@@ -1,5 +1,4 @@
 //! The program as a process, for tests of the whole.
-#![allow(dead_code, reason = "not every test uses all of it")]
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

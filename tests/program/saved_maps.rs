@@ -1,9 +1,7 @@
 //! Photon maps in files, as a user meets them: the same picture to the bit, from another camera too, and refusals that say what
 //! differs.
-#![allow(clippy::unwrap_used, reason = "a test may panic")]
 
-mod common;
-
+use crate::common;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
