@@ -1,4 +1,4 @@
-//! A matrix of extremes: 512 rooms in which size, place, reflectance, roughness, index, power, counts of photons and estimates, and
+//! A matrix of extremes: 256 rooms in which size, place, reflectance, roughness, index, power, counts of photons and estimates, and
 //! the integrator are each drawn from a list that goes to its ends. A picture is finite and its parts sum up
 //! (every picture of these tests is looked at for that), nothing is rejected, and radiance is what scaling laws say.
 
