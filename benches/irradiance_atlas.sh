@@ -10,16 +10,20 @@ folder=${2:-target/irradiance-atlas}
 scene=scenes/city.toml
 cardioid=${CARDIOID:-target/release/cardioid}
 size=${SIZE:-1024x553}
+# Gather rays read the atlas wherever they land, as in the paper: by default the nearest 15 m of this city would be computed accurately.
+options=${OPTIONS:---spp 4 --accurate-distance 0.001}
 mkdir -p "$folder"
 
-$cardioid photons $scene --global-photons "$photons" --atlas "$folder/atlas"
-$cardioid bricks $scene --atlas "$folder/atlas"
+if [ ! -e "$folder/atlas/bricks.json" ]; then
+    $cardioid photons $scene --global-photons "$photons" --atlas "$folder/atlas"
+    $cardioid bricks $scene --atlas "$folder/atlas"
+fi
 $cardioid bricks $scene --atlas "$folder/atlas" --inspect | tail -1
 
 render() { # name, options
     name=$1
     shift
-    $cardioid render $scene --resolution "$size" --stats "$folder/$name.json" -o "$folder/$name.exr" --overwrite -q "$@"
+    $cardioid render $scene --resolution "$size" --stats "$folder/$name.json" -o "$folder/$name.exr" --overwrite -q $options "$@"
 }
 
 row() { # name, first cell
@@ -50,7 +54,7 @@ for view in street air; do
         street) camera="" ;;
         air) camera="--set height=260 --set look=0" ;;
     esac
-    for cache in 0 1MB 10MB 100MB; do
+    for cache in 0 100kB 1MB 10MB 100MB; do
         render "$view-$cache" $camera --atlas "$folder/atlas" --brick-cache $cache
         row "$view-$cache" "$cache"
     done

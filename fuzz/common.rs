@@ -1,9 +1,15 @@
 //! What is fuzzed, for `cargo fuzz` and for the driver that needs no other toolchain (`examples/mutate.rs`): each reader of files
 //! gets bytes, and must read or refuse them.
 
+use cardioid::bricks::{
+    BrickCounters, BrickMap, BrickOwner, BrickParams, BrickReader, Disc, IrradianceAtlas, build_bricks,
+    write_brick_file,
+};
 use cardioid::math::Rgb;
 use cardioid::media::read_vdb;
-use cardioid::photons::{Photon, PhotonClass, PhotonMap, read_photon_maps, write_photon_file};
+use cardioid::photons::{
+    GroupFile, GroupWriter, Photon, PhotonClass, PhotonMap, PhotonOrder, read_photon_maps, write_photon_file,
+};
 use cardioid::render::{MapKind, blank_checkpoint_bytes, parse_checkpoint_bytes};
 use cardioid::scene_file::mesh::{MeshReport, TriangleMesh};
 use cardioid::scene_file::obj::{ObjFile, parse_mtl_bytes, parse_obj_bytes};
@@ -16,11 +22,108 @@ use openvdb_sys::{Dense, GridClass, is_compiled};
 use std::path::Path;
 
 /// Names of the targets.
-pub(crate) const TARGETS: [&str; 11] =
-    ["ply", "obj", "stl", "scene", "photons", "gltf", "ies", "rounds", "mitsuba", "pbrt", "vdb"];
+pub(crate) const TARGETS: [&str; 13] = [
+    "ply", "obj", "stl", "scene", "photons", "bricks", "groups", "gltf", "ies", "rounds", "mitsuba", "pbrt",
+    "vdb",
+];
 
 /// Pixels of the render in rounds.
 const ROUNDS_SIZE: (u32, u32) = (3, 2);
+
+/// A nameless file with these bytes.
+fn file_of(bytes: &[u8]) -> Option<std::fs::File> {
+    let mut file = tempfile::tempfile().ok()?;
+    std::io::Write::write_all(&mut file, bytes).ok()?;
+    Some(file)
+}
+
+fn read_bricks(bytes: &[u8]) -> bool {
+    let Some(file) = file_of(bytes) else { return false };
+    match BrickMap::of_file(file, bytes.len() as u64, Path::new("a.bricks")) {
+        Ok(map) => {
+            let bricks = (0..map.bricks() as u32).all(|number| map.read(number).is_ok());
+            let (low, side) = map.cube();
+            let atlas = IrradianceAtlas::new(vec![map], [Some(0)], (1 << 16, 1));
+            let (mut reader, mut counters) = (BrickReader::default(), BrickCounters::default());
+            for i in 0..16 {
+                let position = low + side * Vec3::new(i as f32 / 15.0, 0.4, 0.6);
+                atlas.look_up((&mut reader, &mut counters), 0, (position, Vec3::X), side / (1 << i) as f32);
+            }
+            bricks
+        }
+        Err(error) => {
+            assert!(error.to_string().contains("a.bricks"), "{error}");
+            false
+        }
+    }
+}
+
+/// The same bytes with checksums that fit, as far as they are long enough.
+fn sealed_bricks(bytes: &[u8]) -> Vec<u8> {
+    const HEAD: usize = 88;
+    let mut bytes = bytes.to_vec();
+    let length = bytes.len() as u64;
+    if bytes.len() < HEAD + 32 {
+        return bytes;
+    }
+    bytes[16..24].copy_from_slice(&length.to_le_bytes());
+    let count = u32::from_le_bytes([bytes[24], bytes[25], bytes[26], bytes[27]]) as usize;
+    let sum = *blake3::hash(&bytes[..HEAD]).as_bytes();
+    bytes[HEAD..HEAD + 32].copy_from_slice(&sum);
+    let start = HEAD + 32;
+    let Some(end) = count.checked_mul(11).map(|table| start + table).filter(|end| end + 32 <= bytes.len())
+    else {
+        return bytes;
+    };
+    let mut at = end + 32;
+    for node in 0..count {
+        let row = start + 11 * node;
+        let size = usize::from(u16::from_le_bytes([bytes[row + 1], bytes[row + 2]]));
+        if at + size > bytes.len() {
+            break;
+        }
+        let sum = *blake3::hash(&bytes[at..at + size]).as_bytes();
+        bytes[row + 3..row + 11].copy_from_slice(&sum[..8]);
+        at += size;
+    }
+    let sum = *blake3::hash(&bytes[start..end]).as_bytes();
+    bytes[end..end + 32].copy_from_slice(&sum);
+    bytes
+}
+
+fn read_group(bytes: &[u8]) -> bool {
+    let Some(file) = file_of(bytes) else { return false };
+    match GroupFile::of_file(file, bytes.len() as u64, Path::new("a.photons")) {
+        Ok(group) => {
+            let mut photons = Vec::new();
+            let all = group.within(Vec3::splat(-1e9), Vec3::splat(1e9), &mut photons).is_ok();
+            all && (0..group.runs(1024)).all(|run| group.run(run, 1024).is_ok())
+        }
+        Err(error) => {
+            assert!(error.to_string().contains("a.photons"), "{error}");
+            false
+        }
+    }
+}
+
+/// The same bytes with checksums that fit, as far as they are long enough; one block.
+fn sealed_group(bytes: &[u8]) -> Vec<u8> {
+    const HEAD: usize = 72;
+    let mut bytes = bytes.to_vec();
+    let length = bytes.len();
+    if length < HEAD + 32 + 64 {
+        return bytes;
+    }
+    bytes[16..24].copy_from_slice(&(length as u64).to_le_bytes());
+    let sum = *blake3::hash(&bytes[..HEAD]).as_bytes();
+    bytes[HEAD..HEAD + 32].copy_from_slice(&sum);
+    let (row, end) = (length - 64, length - 32);
+    let sum = *blake3::hash(&bytes[HEAD + 32..row]).as_bytes();
+    bytes[row + 24..end].copy_from_slice(&sum[..8]);
+    let sum = *blake3::hash(&bytes[row..end]).as_bytes();
+    bytes[end..].copy_from_slice(&sum);
+    bytes
+}
 
 /// One execution: true where the bytes were read, false where they were refused.
 ///
@@ -62,6 +165,8 @@ pub(crate) fn execute(target: &str, bytes: &[u8]) -> bool {
                 Err(_) => first,
             }
         }
+        "bricks" => read_bricks(bytes) | read_bricks(&sealed_bricks(bytes)),
+        "groups" => read_group(bytes) | read_group(&sealed_group(bytes)),
         "gltf" => match parse_gltf_bytes(bytes, Path::new("a.gltf")) {
             Ok(scene) => {
                 assert!(scene.shapes.len() + scene.groups.len() <= bytes.len());
@@ -239,6 +344,36 @@ pub(crate) fn seeds(target: &str) -> Vec<Vec<u8>> {
 material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = 30, axis = \"y\" }, { scale = 2 }]\n\
 [[lights]]\ntype = \"point\"\nposition = [0, 5, 0]\nintensity = [10, 10, 10]\n".to_vec(),
         ],
+        "bricks" => {
+            let disc = |i: usize| {
+                let normal = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::Z][i % 4];
+                let position = Vec3::new(0.1 * i as f32, 0.3 * (i % 3) as f32, 0.2 * (i % 5) as f32);
+                Disc { position, normal, radius: 0.1, detail: 0.1, irradiance: Rgb::splat(1.0 + i as f32) }
+            };
+            let discs: Vec<Disc> = (0..20).map(disc).collect();
+            let params = BrickParams { max_error: 0.03, max_level: 2 };
+            let mut bytes = Vec::new();
+            // Where there is no disk for the temporary file there is nothing to begin with.
+            if let Ok(built) = build_bricks(&discs, &params, &std::env::temp_dir()) {
+                let _ = write_brick_file(&mut bytes, &built, BrickOwner([7; 32]));
+            }
+            vec![bytes]
+        }
+        "groups" => {
+            let path = std::env::temp_dir().join(format!("cardioid-{}.photons", std::process::id()));
+            let written = GroupWriter::new(&std::env::temp_dir()).and_then(|mut writer| {
+                for i in 0..40 {
+                    let position = Vec3::splat(i as f32);
+                    writer.push(&Photon::new(position, Rgb::ONE, Vec3::Y, Vec3::Y, PhotonClass::Direct, 0.5))?;
+                }
+                Ok(writer)
+            });
+            let order = PhotonOrder::within(Vec3::ZERO, 100.0);
+            let done = written.is_ok_and(|writer| writer.finish(&path, ([7; 32], 100), order, 1000).is_ok());
+            let bytes = if done { std::fs::read(&path).unwrap_or_default() } else { Vec::new() };
+            let _ = std::fs::remove_file(&path);
+            vec![bytes]
+        }
         "photons" => {
             let photon = |i: usize| {
                 let x = i as f32;

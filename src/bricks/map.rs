@@ -52,6 +52,15 @@ impl BrickMap {
     pub fn open(path: &Path) -> Result<Self, BrickFileError> {
         let in_file = |problem| BrickFileError { file: path.to_owned(), problem };
         let (file, length) = open_regular(path).map_err(|error| in_file(error.into()))?;
+        Self::of_file(file, length, path)
+    }
+
+    /// The brick map in an open file of `length` bytes, under the name `path` in messages.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn of_file(file: File, length: u64, path: &Path) -> Result<Self, BrickFileError> {
+        let in_file = |problem| BrickFileError { file: path.to_owned(), problem };
         let head = read_head(&file, length).map_err(in_file)?;
         let mut map = Self { path: path.to_owned(), file, head, resident: Vec::new(), file_bytes: length };
         let mut bytes = 0;

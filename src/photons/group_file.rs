@@ -379,6 +379,15 @@ impl GroupFile {
     pub fn open(path: &Path) -> Result<Self, GroupFileError> {
         let in_file = |problem| GroupFileError { file: path.to_owned(), problem };
         let (file, length) = open_regular(path).map_err(|error| in_file(error.into()))?;
+        Self::of_file(file, length, path)
+    }
+
+    /// The photons in an open file of `length` bytes, under the name `path` in messages.
+    ///
+    /// # Errors
+    /// As for [`Self::open`].
+    pub fn of_file(file: File, length: u64, path: &Path) -> Result<Self, GroupFileError> {
+        let in_file = |problem| GroupFileError { file: path.to_owned(), problem };
         Self::read_head(path, file, length).map_err(in_file)
     }
 

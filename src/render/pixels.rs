@@ -9,7 +9,7 @@ use super::pace::{Pace, Paced};
 use super::pixel_footprint::finest_distances;
 use super::progressive::{CheckpointError, Rounds};
 use super::saved::SavedMaps;
-use super::settings::{Settings, Show};
+use super::settings::{MapKind, Settings, Show};
 use super::stats::{
     AdaptiveStatistics, AtlasStatistics, CacheStatistics, MemoryStatistics, Statistics, Times,
 };
@@ -104,7 +104,9 @@ pub enum RenderError {
     #[error(transparent)]
     Atlas(#[from] BrickFileError),
     /// The settings read no irradiance.
-    #[error("this integrator reads no irradiance atlas: leave out --atlas, or use --integrator photon-map")]
+    #[error(
+        "this integrator reads no irradiance atlas: leave out --atlas, or use --integrator photon-map, or photons to show it"
+    )]
     AtlasUnused,
     /// The render cannot be resumed.
     #[error(transparent)]
@@ -177,12 +179,17 @@ pub fn render_with_atlas(
     atlas: IrradianceAtlas,
     observer: &dyn Observer,
 ) -> Result<Rendered, RenderError> {
-    match request.settings.integrator {
-        IntegratorKind::PhotonMap => render_given(scene, camera, request, (None, Some(atlas)), observer),
-        IntegratorKind::Photons | IntegratorKind::Path | IntegratorKind::Progressive => {
-            Err(RenderError::AtlasUnused)
-        }
+    let Settings { integrator, show, map, .. } = request.settings;
+    let is_shown = show == Show::Radiance && map == MapKind::Global;
+    let reads = match integrator {
+        IntegratorKind::PhotonMap => true,
+        IntegratorKind::Photons => is_shown,
+        IntegratorKind::Path | IntegratorKind::Progressive => false,
+    };
+    if !reads {
+        return Err(RenderError::AtlasUnused);
     }
+    render_given(scene, camera, request, (None, Some(atlas)), observer)
 }
 
 /// Renders with maps that are there already, traced to a file or built on disk.

@@ -187,7 +187,7 @@ impl RenderPlan {
     /// The same plan with an irradiance atlas on disk in place of the global map.
     #[must_use]
     pub fn with_atlas(mut self) -> Self {
-        if self.final_gather.build {
+        if self.global_map.build {
             self.global_map = Decision::no("gather rays read the irradiance atlas on disk");
             self.direct_at_points = Decision::no("the atlas holds it");
             self.guide = Decision::no("an irradiance atlas holds no directions");

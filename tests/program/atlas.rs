@@ -140,6 +140,22 @@ fn an_atlas_from_photons_to_the_picture() {
     *damaged.last_mut().unwrap() ^= 1;
     fs::write(&map, &damaged).unwrap();
     assert!(refusal(folder, &["bricks", &scene, "--atlas", "a", "--inspect"]).contains("is damaged: brick"));
+    // While it is rendered: every brick that the largest map has beyond its middle.
+    fs::write(&map, &sound).unwrap();
+    let files = bytes_of(&folder.join("a"), "bricks");
+    let (name, large) = files.iter().max_by_key(|(_, bytes)| bytes.len()).unwrap();
+    let damaged: Vec<u8> =
+        large.iter().enumerate().map(|(i, byte)| byte ^ u8::from(i > large.len() / 2)).collect();
+    fs::write(folder.join("a").join(name), damaged).unwrap();
+    assert!(refusal(folder, &[&own[..], &["a"]].concat()).contains("is damaged: brick"));
+    fs::write(folder.join("a").join(name), large).unwrap();
+    let shown = ["--integrator", "photons", "--map", "global", "-o", "shown.exr"];
+    let shown: Vec<&str> = ["render", &scene, "--atlas", "a", "--resolution", "32x24", "--spp", "1", "-q"]
+        .into_iter()
+        .chain(shown)
+        .collect();
+    run_well(folder, &shown);
+    assert!(mean(&folder.join("shown.exr"), "indirect") > 0.01);
     fs::remove_file(&map).unwrap();
     assert!(refusal(folder, &[&own[..], &["a"]].concat()).contains(".bricks: cannot be read"));
     let group = bytes_of(&folder.join("b"), "photons")[0].0.clone();
@@ -179,4 +195,31 @@ fn an_atlas_shows_the_light_of_maps_in_memory() {
         println!("{layer}: {atlas} {memory} {:+.2} %", 100.0 * (atlas / memory - 1.0));
         assert!((atlas / memory - 1.0).abs() < most, "{layer}: {atlas} {memory}");
     }
+}
+
+/// A run that is stopped or killed leaves nothing that looks like an atlas.
+#[test]
+fn an_interrupted_run_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = scene("cornell-diffuse.toml");
+    for (signal, code) in [(rustix::process::Signal::INT, Some(130)), (rustix::process::Signal::KILL, None)] {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_cardioid"))
+            .current_dir(folder)
+            .args(["photons", &scene, "--atlas", "a", "--global-photons", "1e9", "-q"])
+            .stdin(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        // The folder is made when tracing begins.
+        while !folder.join("a").exists() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        rustix::process::kill_process(rustix::process::Pid::from_child(&child), signal).unwrap();
+        assert_eq!(child.wait().unwrap().code(), code);
+        assert_eq!(fs::read_dir(folder.join("a")).unwrap().count(), 0, "{signal:?}");
+        fs::remove_dir(folder.join("a")).unwrap();
+    }
+    assert!(refusal(folder, &["bricks", &scene, "--atlas", "a", "-q"]).contains("a/photons.json"));
 }

@@ -1,9 +1,8 @@
 //! Final gathering, the fourth integral: gather rays read the photon maps where they land.
 
-use super::lookup::reflected_estimate;
+use super::lookup::{reflected_estimate, reflected_from_atlas};
 use super::{PhotonMapIntegrator, Vertex};
 use crate::bricks::IrradianceAtlas;
-use crate::bsdf::Lobe;
 use crate::integrators::specular::chain_roulette;
 use crate::integrators::{Directions, Scratch};
 use crate::lights::{LightId, Receiver as LightReceiver};
@@ -527,18 +526,7 @@ impl PhotonMapIntegrator<'_> {
     /// Radiance that the diffuse lobe of a surface reflects of the irradiance in its brick map; `None` where that holds nothing near. Voxels
     /// are as wide as a share of the ray's cone there ([`PhotonMapSettings::atlas_footprint`]).
     fn read_atlas(&self, atlas: &IrradianceAtlas, at: &Vertex<'_>, scratch: &mut Scratch) -> Option<Rgb> {
-        let Vertex { hit, shading, .. } = *at;
-        scratch.counters.atlas_lookups += 1;
-        let reader = (&mut scratch.bricks, &mut scratch.counters.bricks);
-        let place = (hit.point.position, hit.facing_normal());
-        let width = self.settings.atlas_footprint * at.width;
-        let irradiance = atlas.look_up(reader, hit.surface, place, width)?.irradiance;
-        // A lobe that depends on where light comes from counts as Lambertian of its albedo: brick maps hold no directions.
-        let reflectance = match shading.bsdf.lambertian() {
-            Some(lambert) => lambert.reflectance,
-            None => shading.bsdf.lobe_albedo(Lobe::Diffuse, shading.wo_local),
-        };
-        Some(reflectance * irradiance * FRAC_1_PI)
+        reflected_from_atlas(atlas, (at.hit, at.shading), self.settings.atlas_footprint * at.width, scratch)
     }
 
     /// Radiance of direct light that the diffuse lobe of a surface reflects.

@@ -1,12 +1,14 @@
 //! Photon-map lookups at a surface.
 
 use super::PhotonMapSettings;
+use crate::bricks::IrradianceAtlas;
+use crate::bsdf::Lobe;
 use crate::integrators::Scratch;
 use crate::math::Rgb;
 use crate::photons::{
     Estimate, EstimateParams, KernelDomain, PhotonMap, Query, Scratch as PhotonScratch, Seen, Sight,
 };
-use crate::scene::{Scene, Shading};
+use crate::scene::{Scene, Shading, SurfaceInteraction};
 use glam::Vec3;
 use std::cell::Cell;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -58,6 +60,26 @@ pub(super) fn reflected_estimate(
 /// Whether all channels are equal: light of any wavelength is then reflected alike.
 pub(super) fn is_grey(reflectance: Rgb) -> bool {
     reflectance.x == reflectance.y && reflectance.y == reflectance.z
+}
+
+/// Radiance that the diffuse lobe of a surface reflects of the irradiance in its brick map, with voxels of about the side `width`; `None` where
+/// the map holds nothing near.
+pub(super) fn reflected_from_atlas(
+    atlas: &IrradianceAtlas,
+    (hit, shading): (&SurfaceInteraction, &Shading),
+    width: f32,
+    scratch: &mut Scratch,
+) -> Option<Rgb> {
+    scratch.counters.atlas_lookups += 1;
+    let reader = (&mut scratch.bricks, &mut scratch.counters.bricks);
+    let place = (hit.point.position, hit.facing_normal());
+    let irradiance = atlas.look_up(reader, hit.surface, place, width)?.irradiance;
+    // A lobe that depends on where light comes from counts as Lambertian of its albedo: brick maps hold no directions.
+    let reflectance = match shading.bsdf.lambertian() {
+        Some(lambert) => lambert.reflectance,
+        None => shading.bsdf.lobe_albedo(Lobe::Diffuse, shading.wo_local),
+    };
+    Some(reflectance * irradiance * FRAC_1_PI)
 }
 
 /// Irradiance of which a Lambertian surface reflects at most `radiance` in any channel.

@@ -1,6 +1,6 @@
 //! Direct display of one photon map.
 
-use super::lookup::reflected;
+use super::lookup::{reflected, reflected_from_atlas};
 use super::walk::{Walk, walk_specular};
 use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
@@ -11,7 +11,10 @@ use crate::sampling::SampleStream;
 use crate::scene::{MapKind, Scene};
 use std::f32::consts::FRAC_1_PI;
 
-/// Displays one map at the first diffuse surface seen directly or through specular ones (figure 4 of Jensen 1996).
+/// Side of the voxels of brick maps that are shown, over the length of the path from the eye: about a pixel.
+const SHOWN_WIDTH: f32 = 1e-3;
+
+/// Displays one map, or the brick maps of an irradiance atlas, at the first diffuse surface seen directly or through specular ones (figure 4 of Jensen 1996).
 #[derive(Debug)]
 pub struct ShowPhotons<'a> {
     scene: &'a Scene,
@@ -47,6 +50,11 @@ impl<'a> ShowPhotons<'a> {
             let lambert = vertex.shading.bsdf.lambertian();
             let reflected = lambert.map_or(Rgb::ZERO, |lambert| lambert.reflectance * irradiance * FRAC_1_PI);
             return (aov, reflected);
+        }
+        if let Some(atlas) = &self.maps.atlas {
+            let width = SHOWN_WIDTH * vertex.travelled;
+            let found = reflected_from_atlas(atlas, (vertex.hit, vertex.shading), width, scratch);
+            return (aov, found.unwrap_or(Rgb::ZERO));
         }
         let Some(map) = map else { return (aov, Rgb::ZERO) };
         if !vertex.shading.bsdf.has_diffuse() {
