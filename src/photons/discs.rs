@@ -106,6 +106,8 @@ impl PhotonMap {
                 1.0
             };
             let irradiance = others * by_photons.value + by_lights.unwrap_or(Rgb::ZERO);
+            // The response to single wavelengths may be negative in a channel; where few photons have other wavelengths, so is the sum.
+            let irradiance = irradiance.max(Rgb::ZERO);
             Some(Disc { position, normal, radius, detail, irradiance })
         };
         let discs: Vec<Option<Disc>> =
