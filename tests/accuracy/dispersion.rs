@@ -156,8 +156,8 @@ fn a_glass_cylinder_focuses_each_line_as_it_should() {
         ior = "N-BK7"
         [[shapes]]
         type = "cylinder"
-        base = [0.0, -20.0, 0.0]
-        top = [0.0, 20.0, 0.0]
+        base = [0.0, -1.5, 0.0]
+        top = [0.0, 1.5, 0.0]
         radius = 1.0
         material = "glass"
         [[shapes]]
@@ -300,7 +300,7 @@ fn lens(glass: &str, tint: &str) -> Stage {
         emission = {{ radiance = [9.0, 8.0, 7.0] }}
         "#
         ),
-        (32, 32),
+        (16, 16),
     )
 }
 
@@ -318,9 +318,9 @@ fn paths_and_photons_show_the_same_colours() {
         global_photons: Some(50_000),
         ..photon_map()
     });
-    // Standard error of paths 1.2 %; with 64 times as many samples the mean of caustics agrees within 0.1 %.
+    // Standard error of paths 2.4 %; with 256 times as many samples the mean of caustics agrees within 0.1 %.
     for layer in ["caustics", "specular"] {
-        assert_close(layer, maps.mean(layer), paths.mean(layer), 0.06);
+        assert_close(layer, maps.mean(layer), paths.mean(layer), 0.12);
     }
 }
 

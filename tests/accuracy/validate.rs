@@ -8,7 +8,7 @@ use std::sync::Arc;
 #[test]
 fn every_closed_form_holds() {
     let device = Arc::new(Device::new(0).unwrap());
-    let validation = validate(&device, 12, &Silent).unwrap();
+    let validation = validate(&device, 16, &Silent).unwrap();
     println!("{}", validation.to_markdown());
     let failures: Vec<_> = validation.failures().collect();
     assert!(failures.is_empty(), "{failures:#?}");
