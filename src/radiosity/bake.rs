@@ -27,6 +27,9 @@ pub struct BakedMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
+/// Sides of surfaces whose mean radiosity is a smaller share than this of the mean of all are left out.
+const DARK: f64 = 1e-3;
+
 impl Radiosity {
     /// Meshes of all sides of surfaces that light reaches or leaves, one for each surface. Patches that meet smaller ones are divided along
     /// their edges, so that there are no cracks.
@@ -34,12 +37,25 @@ impl Radiosity {
         let names = scene.surfaces().iter().map(|surface| surface.name.clone());
         let mut meshes: Vec<BakedMesh> =
             names.map(|name| BakedMesh { name, ..BakedMesh::default() }).collect();
+        // The insides of closed bodies get nothing but what rounding lets through at their edges.
+        let mut sides = vec![[(0.0, 0.0); 2]; meshes.len()];
+        let (mut light, mut area) = (0.0, 0.0);
+        let patches = self.model.elements.iter().enumerate().filter(|(_, element)| element.children == NONE);
+        for (index, element) in patches.clone() {
+            let sent = self.state.radiosity[index].max_element() * element.area;
+            let side = &mut sides[element.surface as usize][usize::from(element.back)];
+            *side = (side.0 + sent, side.1 + element.area);
+            if sent > 0.0 {
+                (light, area) = (light + sent, area + element.area);
+            }
+        }
+        let least = DARK * light / f64::max(area, f64::MIN_POSITIVE);
         // Vertices by corner and colour of the surface; patches of one colour share them.
         let mut known: HashMap<(u32, u32, [u32; 6]), u32> = HashMap::new();
-        for (index, element) in self.model.elements.iter().enumerate() {
+        for (index, element) in patches {
             let optics = self.state.optics[index];
-            let is_dark = self.irradiance[index].total() == Rgb::ZERO && optics.emission == Rgb::ZERO;
-            if element.children != NONE || is_dark {
+            let side = sides[element.surface as usize][usize::from(element.back)];
+            if side.0 <= least * side.1 {
                 continue;
             }
             let mesh = &mut meshes[element.surface as usize];

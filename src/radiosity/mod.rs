@@ -120,6 +120,15 @@ pub enum RadiosityError {
         /// Their names.
         surfaces: Vec<String>,
     },
+    /// Surfaces with holes.
+    #[error(
+        "the material of these surfaces has an opacity, and patches have no holes: {}; `cardioid render` shows them",
+        listed(surfaces)
+    )]
+    Holes {
+        /// Their names.
+        surfaces: Vec<String>,
+    },
     /// A shape without coordinates.
     #[error(
         "`{surface}` cannot be divided into patches: it has no coordinates (a combination of bodies, a flake, a terrain, or a shape \

@@ -393,6 +393,11 @@ fn check(scene: &Scene, specular: Specular) -> Result<(), RadiosityError> {
     if scene.lights().is_empty() {
         return Err(RadiosityError::Dark);
     }
+    let cut = scene.surfaces().iter().filter(|surface| scene.has_holes(surface));
+    let cut: Vec<String> = cut.map(|surface| surface.name.clone()).collect();
+    if !cut.is_empty() {
+        return Err(RadiosityError::Holes { surfaces: cut });
+    }
     let mut shiny: Vec<String> = scene
         .surfaces()
         .iter()

@@ -408,3 +408,56 @@ fn every_shape_has_patches() {
         assert!(patches.any(|(i, _)| solution.irradiance[i].total().max_element() > 0.0), "{surface}");
     }
 }
+
+/// The floor of a room as a mesh: all of its area, no cracks where patches of different sizes meet, and the radiance of the solution.
+#[test]
+fn a_baked_model_has_no_cracks() {
+    let built = built(&lit_room());
+    let solution =
+        Radiosity::compute(&built.scene, &options(Method::Hierarchy, 1500), None, None, &Silent).unwrap();
+    let meshes = solution.baked(&built.scene);
+    // Six walls, the lamp and the board; outsides are dark.
+    assert_eq!(meshes.len(), 8);
+    for (mesh, lit) in meshes.iter().zip([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.08, 0.6]) {
+        let mut edges = std::collections::BTreeMap::new();
+        let mut area = 0.0;
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
+            let cross = (b - a).cross(c - a);
+            area += 0.5 * f64::from(cross.length());
+            assert!(
+                cross.dot(mesh.normals[triangle[0] as usize]) > 0.0,
+                "{}: a triangle faces away",
+                mesh.name
+            );
+            for i in 0..3 {
+                let ends =
+                    [triangle[i], triangle[(i + 1) % 3]].map(|v| mesh.positions[v as usize].to_array());
+                *edges.entry(ends.map(|p| p.map(f32::to_bits))).or_insert(0) += 1;
+            }
+        }
+        assert!((area - lit).abs() < 1e-5, "{}: {area} for {lit}", mesh.name);
+        // An edge that no other triangle has the other way around is a part of the border.
+        for ([a, b], count) in &edges {
+            assert_eq!(*count, 1, "{}", mesh.name);
+            if !edges.contains_key(&[*b, *a]) {
+                let [a, b] = [a, b].map(|p| glam::Vec3::from_array(p.map(f32::from_bits)));
+                let on_border = |x: f32, y: f32| {
+                    x == y && [0.0, 1.0, 0.4, 0.6, 0.5, 0.2, 0.8].iter().any(|e| (x - e).abs() < 1e-6)
+                };
+                let is_border = (0..3).any(|i| {
+                    let is_flat = mesh.positions.iter().all(|p| p[i] == mesh.positions[0][i]);
+                    !is_flat && on_border(a[i], b[i])
+                });
+                assert!(is_border, "{}: a crack from {a} to {b}", mesh.name);
+            }
+        }
+    }
+    let lamp = &meshes[6];
+    assert!(lamp.radiance.iter().any(|radiance| (radiance.x - 1.0).abs() < 0.05), "{:?}", lamp.radiance);
+    let mut bytes = Vec::new();
+    write_glb(&mut bytes, &meshes, 1.0).unwrap();
+    let read = gltf::Gltf::from_slice(&bytes).unwrap();
+    assert_eq!(read.document.meshes().len(), 8);
+    assert_eq!(read.blob.unwrap().len() % 4, 0);
+}

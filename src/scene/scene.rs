@@ -1,7 +1,7 @@
 //! Scene geometry and ray queries.
 
 use super::contact::{Borders, Contacts};
-use super::layered::Site;
+use super::layered::{Coverage, Site};
 use super::material::Material;
 use super::misfits::Misfits;
 use super::parts::{Geometry, LightNote, Mesh, Node, SceneParts, Surface, Target};
@@ -323,6 +323,14 @@ impl Scene {
             layers.apply(found, &site);
         }
         found.shading_normal = within_reach(found.shading_normal, found.point.normal);
+    }
+
+    /// Whether a surface lets rays through where its material is transparent or cut out.
+    pub fn has_holes(&self, surface: &Surface) -> bool {
+        surface.all_materials().any(|material| {
+            let layers = self.texture_of(material).and_then(|texture| texture.layers.as_ref());
+            layers.is_some_and(|layers| layers.coverage != Coverage::Whole)
+        })
     }
 
     /// Textures of a material; `None` where it has none.

@@ -162,3 +162,18 @@ fn what_changed_is_computed_again_and_nothing_else() {
         assert!(said.contains("bad.radiosity") && !said.contains("panicked"), "{said}");
     }
 }
+
+#[test]
+fn a_baked_model_is_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("room.toml"), ROOM).unwrap();
+    let baked = common::run(folder.path(), &["bake", "room.toml", "--patches", "400", "-o", "model.glb"]);
+    assert_eq!(baked.status.code(), Some(0), "{}", common::stderr(&baked));
+    let read = common::run(folder.path(), &["info", "model.glb"]);
+    assert_eq!(read.status.code(), Some(0), "{}", common::stderr(&read));
+    // The inside of the room and the outside of the globe.
+    assert!(common::stdout(&read).contains("in 2 mesh(es)"), "{}", common::stdout(&read));
+    let refused = common::run(folder.path(), &["bake", "room.toml", "-o", "model.obj"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(common::stderr(&refused).contains(".glb"));
+}
