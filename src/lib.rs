@@ -2,7 +2,7 @@
 //!
 //! The rooms of the crate, each of which uses only those before it: [`math`], [`sampling`], [`files`],
 //! [`memory`], [`observer`], [`settings`]; `embree`, `image_io`,
-//! `film`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `bricks`, `photons`; `caches`,
+//! `film`, `spectra`; `shapes`, `bsdf`, `media`, `lights`, `camera`; `scene`; [`scene_file`]; `bricks`, `photons`; `caches`,
 //! `radiosity`; `integrators`; [`render`]; `measure`; and `cli`, which only the program uses.
 
 pub mod bricks;
