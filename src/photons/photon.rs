@@ -79,7 +79,7 @@ impl Photon {
     /// points away from the surface, back along its path.
     ///
     /// `normal` is the unit geometric normal on either side; it is flipped to the side of `wi`. `dither` in `[0, 1)`, a
-    /// random number of this photon's own, rounds the power without bias ([`Rgbe::encode_dithered`]).
+    /// random number of this photon's own, rounds the power without bias ([`crate::math::Rgbe::encode_dithered`]).
     #[inline]
     pub fn new(position: Vec3, power: Rgb, wi: Vec3, normal: Vec3, class: PhotonClass, dither: f32) -> Self {
         Self::of_line(position, (power, None), wi, normal, class, dither)
