@@ -45,6 +45,9 @@ quick() {
     'cardioid validate'*) line+=' --seeds 2' ;;
     esac
     case $line in
+    *prism* | *water*) line+=' --global-photons 20000 --caustic-photons 20000' ;; # their scenes ask for 500,000
+    esac
+    case $line in
     'cardioid render'*--quality* | *--integrator\ progressive* | *--target-error* | 'cardioid photons'*--quality*) ;;
     'cardioid render'* | 'cardioid photons'*) line+=' --quality draft' ;;
     esac
