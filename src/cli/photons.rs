@@ -7,7 +7,8 @@ use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
 use cardioid::image_io;
 use cardioid::render::{
-    AtlasParams, PassOne, Settings, trace_photon_atlas, trace_photon_maps, write_photon_maps,
+    AtlasDescription, AtlasParams, PassOne, Settings, trace_photon_atlas, trace_photon_maps,
+    write_photon_maps,
 };
 use cardioid::scene_file::photon_content_hash;
 use clap::Args;
@@ -129,6 +130,15 @@ fn atlas(args: &PhotonsArgs, folder: &Path, pool: &rayon::ThreadPool) -> Result<
         let Loaded { description, built, .. } = loaded?;
         let settings = Settings::from(&args.settings.over(&description.render));
         let hash = photon_content_hash(&description).context("cannot hash the scene")?;
+        if let Ok(other) = AtlasDescription::of_photons(folder)
+            && !(other.is_of(&hash) || args.overwrite)
+        {
+            bail!(
+                "{} holds the photons of another scene, `{}`; name another folder, or add --overwrite",
+                folder.display(),
+                other.scene
+            );
+        }
         // Photons twice, while two sorted halves become one.
         let in_memory = (args.sort_memory / 40) as usize;
         let params = AtlasParams { groups: args.groups, in_memory };

@@ -240,6 +240,11 @@ impl AtlasDescription {
         )
     }
 
+    /// Whether it was made for the scene of this hash.
+    pub fn is_of(&self, scene_hash: &str) -> bool {
+        self.scene_hash == scene_hash
+    }
+
     fn check(&self, folder: &Path, scene: &Scene, scene_hash: &str) -> Result<(), AtlasError> {
         let surfaces = scene.surfaces().len() as u32;
         let is_ours = self.groups.iter().flat_map(|group| &group.surfaces).all(|&surface| surface < surfaces);

@@ -44,7 +44,8 @@ pub(super) fn warn(statistics: &mut Statistics, scene: &Scene) {
         MapKind::Global => ("global", &statistics.plan.global_map),
         MapKind::Caustic => ("caustic", &statistics.plan.caustic_map),
     };
-    if statistics.settings.integrator == IntegratorKind::Photons && !shown.1.build {
+    let shows_map = statistics.settings.integrator == IntegratorKind::Photons && statistics.atlas.is_none();
+    if shows_map && !shown.1.build {
         warnings.push(format!(
             "the picture is that of the {} map, which is not built ({}): it shows nothing but lamps; choose another --map",
             shown.0, shown.1.reason

@@ -27,9 +27,14 @@ pub enum DispersionError {
         "an Abbe number of {0}: it must be from 1 to 1,000,000 (5 is extreme, 20 is a heavy flint, 95 a fluoride)"
     )]
     Abbe(f64),
-    /// A table with fewer than two rows, or with rows out of order.
-    #[error("row {0} of the table of indices: each row needs a larger wavelength than the one before, in nm")]
+    /// A table without rows, or with rows out of order.
+    #[error(
+        "row {0} of the table of indices: each row needs a wavelength above 0 and above that of the row before, in nm"
+    )]
     Order(usize),
+    /// A row whose index is out of range.
+    #[error("row {0} of the table has the index {1:?}; it must be from 1 to 100")]
+    Row(usize, f64),
     /// A table that ends within the visible range.
     #[error(
         "the table of indices covers {0} to {1} nm, and light needs {first} to {last} nm; add rows for the rest",
@@ -39,7 +44,7 @@ pub enum DispersionError {
     Range(f64, f64),
     /// An index below one, or none at all.
     #[error(
-        "the index of refraction is {1:.4} at {0:.0} nm; it must be from 1 to 100 from {first} to {last} nm (are the coefficients in micrometres?)",
+        "the index of refraction is {1:?} at {0:.1} nm; it must be from 1 to 100 from {first} to {last} nm (are the coefficients in micrometres?)",
         first = VISIBLE[0],
         last = VISIBLE[1]
     )]
@@ -74,10 +79,15 @@ impl Dispersion {
             if *first > VISIBLE[0] || *last < VISIBLE[1] {
                 return Err(DispersionError::Range(*first, *last));
             }
+            let (least, largest) = (1.0, 100.0);
+            let is_out = |[_, index]: &[f64; 2]| !(least..=largest).contains(index);
+            if let Some(row) = rows.iter().position(is_out) {
+                return Err(DispersionError::Row(row + 1, rows[row][1]));
+            }
         }
-        let [first, last] = VISIBLE;
-        for step in 0..=400 {
-            let nm = first + (last - first) * f64::from(step) / 400.0;
+        // All that paths may take, and the ends.
+        let lines = (0..LINES as u16).map(|code| Line::of_code(code).wavelength());
+        for nm in VISIBLE.into_iter().chain(lines) {
             let index = self.at(nm);
             if !(1.0..=100.0).contains(&index) {
                 return Err(DispersionError::Index(nm, index));
@@ -206,6 +216,11 @@ mod tests {
         assert!(message.contains("400 to 700 nm") && message.contains("380 to 780 nm"), "{message}");
         let unordered = Dispersion::Table(vec![[380.0, 1.6], [780.0, 1.5], [600.0, 1.5]]).checked();
         assert_eq!(unordered, Err(DispersionError::Order(3)));
+        let peak =
+            Dispersion::Table(vec![[380.0, 1.5], [550.4, 1.5], [550.5, 1e30], [550.6, 1.5], [780.0, 1.5]]);
+        assert_eq!(peak.checked(), Err(DispersionError::Row(3, 1e30)));
+        // A pole between two wavelengths that are a nanometre apart.
+        assert!(Dispersion::Sellmeier(vec![[1.25, 0.01], [1e-3, 0.303_050_24]]).checked().is_err());
         assert!(Dispersion::Table(Vec::new()).checked().is_err());
         assert!(Dispersion::Table(vec![[380.0, 1.6]]).checked().is_err());
         // Coefficients in nanometres in place of micrometres.

@@ -94,7 +94,7 @@ pub enum BuildProblem {
     Triangles(#[from] TriangleError),
     /// The displaced mesh would have too many triangles.
     #[error(
-        "`displace` would make {0:.0} triangles, more than {most}; choose a larger `edge`",
+        "`displace` would make {0:.2e} triangles, more than {most}; choose a larger `edge`",
         most = displace::MOST_TRIANGLES
     )]
     Displacement(f64),

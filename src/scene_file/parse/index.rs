@@ -66,6 +66,10 @@ fn index_of(
         ((None, None), Some(terms), None, None) => Dispersion::Sellmeier(terms).checked(),
         ((None, None), None, Some(terms), None) => Dispersion::Cauchy(terms).checked(),
         ((None, None), None, None, Some(rows)) => Dispersion::Table(rows).checked(),
+        ((Some(_), None) | (None, Some(_)), None, None, None) => {
+            let message = format!("{} has only one of `d` and `abbe`", table.title());
+            return table.refuse(message, "write both, as `{ d = 1.5168, abbe = 64.17 }`, or a number alone");
+        }
         _ => {
             let message =
                 format!("{} has to say in one way how the index depends on the wavelength", table.title());
@@ -82,6 +86,7 @@ fn index_of(
                 DispersionError::Abbe(_) => "write a number such as `abbe = 60.0`",
                 DispersionError::Order(_) => "write rows such as `[380.0, 1.53]`, by ascending wavelength",
                 DispersionError::Range(..) => "repeat the last known index, if nothing better is known",
+                DispersionError::Row(..) => "write an index such as 1.5",
                 DispersionError::Index(..) => "check the coefficients",
             };
             table.refuse(error.to_string(), remedy)
@@ -102,6 +107,9 @@ fn read_pairs(value: Value<'_>) -> Option<Vec<[f64; 2]>> {
             _ => item.refuse("a pair of numbers", "write two numbers, such as `[1.04, 0.006]`"),
         }
     };
+    if items.len() == 0 {
+        return value.refuse("a list of pairs of numbers", "write at least one pair");
+    }
     items.map(pair).collect()
 }
 

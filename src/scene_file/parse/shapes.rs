@@ -132,11 +132,16 @@ fn read_shape(
         );
     }
     let displacement = table.optional("displace", |value| read_displacement(value, textures, unit));
-    let is_one_mesh = !matches!(geometry, Some(GeometryDescription::MeshFile { own_materials: true, .. }));
+    let is_one_mesh = match &geometry {
+        Some(GeometryDescription::MeshFile { own_materials, path, .. }) => {
+            !own_materials && !is_gltf_file(path)
+        }
+        _ => true,
+    };
     if matches!(displacement, Some(Some(_))) && !(matches!(kind, Kind::Mesh) && is_one_mesh) {
         table.refuse::<()>(
             format!("{} cannot be displaced", table.title()),
-            "displace a mesh with one material: `type = \"mesh\"`, without `materials = \"file\"`",
+            "displace a mesh with one material: `type = \"mesh\"` with `vertices` or a file of PLY, OBJ or STL, without `materials = \"file\"`",
         );
     }
     let emission = table.optional("emission", read_emission);
