@@ -24,6 +24,7 @@ mod photon;
 mod power;
 mod projection_map;
 mod projection_picture;
+mod scattering;
 mod shadow;
 mod shadow_decision;
 mod sources;
