@@ -8,7 +8,7 @@ use cardioid::film::PixelRect;
 use cardioid::media::AIR;
 use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
 use cardioid::scene_file::{
-    BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, FovAxis, SceneDescription,
+    BuildError, BuiltScene, CameraDescription, FilmDescription, FilterDescription, SceneDescription,
     SceneWarning, build_scene_watched, content_hash, gltf_scene_within, is_gltf_file, is_mesh_file,
     is_mitsuba_file, is_pbrt_file, load_scene, mesh_scene, mitsuba_scene_within, pbrt_scene_within,
 };
@@ -218,12 +218,9 @@ pub(crate) fn shorter(error: BuildError, is_mesh: bool) -> anyhow::Error {
 
 /// Describes the camera in words.
 pub(crate) fn describe_camera(camera: &CameraDescription) -> String {
-    let axis = match camera.fov_axis {
-        FovAxis::Vertical => "vertical",
-        FovAxis::Horizontal => "horizontal",
-    };
     let at = |p: glam::DVec3| format!("({:.4}, {:.4}, {:.4}) m", p.x, p.y, p.z);
-    format!("at {}, looking at {}, {:.2} degrees {axis}", at(camera.eye), at(camera.at), camera.fov)
+    let lens = camera.lens.map_or(String::new(), |lens| format!(", lens of {:.4} m radius", lens.radius));
+    format!("at {}, looking at {}, {}{lens}", at(camera.eye), at(camera.at), camera.describe_projection())
 }
 
 /// The film's filter for that of a scene file.

@@ -2,7 +2,7 @@
 //! distributed among the lights. A light in another room gets few photons, one in this room gets many.
 
 use crate::bsdf::Lobe;
-use crate::camera::Camera;
+use crate::camera::{Camera, PixelSpread};
 use crate::lights::{LIGHTS_SAMPLED_EACH, LightId, LightSample};
 use crate::math::{Ray, Rgb, unit};
 use crate::photons::{CausticSurvey, survey_caustics};
@@ -158,9 +158,12 @@ fn trace(scene: &Scene, camera: &Camera, ((x, y), side): ((u32, u32), u32), seed
     let pixel = u64::from(y) * u64::from(side) + u64::from(x);
     let mut samples = SampleStream::new(mix(seed ^ Stream::LightImportance as u64), pixel, 0);
     let position = (Vec2::new(x as f32, y as f32) + samples.next_2d()) / side as f32;
+    if !camera.shows(position) {
+        return;
+    }
     let (mut ray, mut throughput, mut is_indirect) = (camera.ray(position), Rgb::ONE, false);
-    let beside = camera.ray(position + Vec2::splat(1.0 / side as f32)).direction;
-    let (angle, mut way) = ((beside - ray.direction).length(), 0.0);
+    let beside = camera.ray(position + Vec2::splat(1.0 / side as f32));
+    let (spread, mut way) = (PixelSpread::between(&ray, &beside), 0.0);
     for _ in 0..DEPTH {
         let Some(hit) = scene.intersect(&ray) else { return };
         let shading = hit.shading(scene.material(&hit));
@@ -171,7 +174,7 @@ fn trace(scene: &Scene, camera: &Camera, ((x, y), side): ((u32, u32), u32), seed
         } else if albedo != Rgb::ZERO {
             let weight = (throughput * albedo).max_element();
             let (position, normal) = (hit.point.position, hit.facing_normal());
-            found.eyes.push(Eye { position, normal, radius: angle * way, weight });
+            found.eyes.push(Eye { position, normal, radius: spread.at(way), weight });
         }
         let (u_lobe, u) = (samples.next_1d(), samples.next_2d());
         let Some(sample) = shading.sample(u_lobe, u) else { return };

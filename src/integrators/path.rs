@@ -13,7 +13,7 @@ use crate::math::{Ray, Rgb};
 use crate::media::MediumStack;
 use crate::photons::DirectionGuide;
 use crate::sampling::SampleStream;
-use crate::scene::{Scene, SurfaceInteraction};
+use crate::scene::{CameraMedia, Scene, SurfaceInteraction};
 use crate::settings::Wavelengths;
 use crate::spectra::{Line, at_line};
 use crate::transport::{
@@ -33,7 +33,7 @@ pub struct PathTracer<'a> {
     direct: DirectLighting<'a>,
     guide: Option<&'a DirectionGuide>,
     max_depth: u32,
-    camera_medium: MediumStack,
+    camera_media: CameraMedia,
     wavelengths: Wavelengths,
 }
 
@@ -79,10 +79,17 @@ impl Class {
 }
 
 impl<'a> PathTracer<'a> {
-    /// Paths of at most `max_depth` surfaces from a camera in `camera_medium`.
-    pub fn new(scene: &'a Scene, max_depth: u32, camera_medium: MediumStack) -> Self {
+    /// Paths of at most `max_depth` surfaces from a camera in `camera_media`.
+    pub fn new(scene: &'a Scene, max_depth: u32, camera_media: impl Into<CameraMedia>) -> Self {
         let direct = DirectLighting::new(scene, 1, true);
-        Self { scene, direct, guide: None, max_depth, camera_medium, wavelengths: Wavelengths::default() }
+        Self {
+            scene,
+            direct,
+            guide: None,
+            max_depth,
+            camera_media: camera_media.into(),
+            wavelengths: Wavelengths::default(),
+        }
     }
 
     /// The same path tracer, whose paths take these wavelengths where light is dispersed.
@@ -393,7 +400,7 @@ impl Integrator for PathTracer<'_> {
         scratch.counters.camera_rays += 1;
         let seen = Some((camera, Chain::default()));
         self.follow(
-            State { seen, ..State::new(camera.ray, self.camera_medium) },
+            State { seen, ..State::new(camera.ray, self.camera_media.at(self.scene, camera.ray.origin)) },
             0,
             samples,
             scratch,

@@ -6,7 +6,7 @@ use crate::film::PixelRect;
 use crate::integrators::{ChanceMeetings, FARTHEST_GLINT, Glint, GlintFinder, GlintMap, Scratch};
 use crate::observer::Observer;
 use crate::sampling::{SampleStream, Stream, mix};
-use crate::scene::{IntegratorKind, RenderPlan, Scene};
+use crate::scene::{CameraMedia, IntegratorKind, RenderPlan, Scene};
 use glam::Vec2;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -87,7 +87,7 @@ pub(super) fn find_glints<'a>(
     };
     let count = u32::try_from(PLACES / whole.area().max(1)).unwrap_or(u32::MAX).clamp(IN_PIXEL.0, most);
     observer.begin("looking for lamps in glass and mirrors", u64::from(rows.y1.saturating_sub(rows.y0)));
-    let hunter = GlintFinder::new(scene, scene.medium_at(camera.eye()), settings.max_depth);
+    let hunter = GlintFinder::new(scene, CameraMedia::of(scene, camera), settings.max_depth);
     let size = Vec2::new(width as f32, height as f32);
     let seed = mix(settings.seed ^ Stream::GlintSearch as u64);
     let found: Vec<(Vec<Glint>, Vec<f32>)> = (rows.y0..rows.y1)

@@ -18,7 +18,7 @@ use super::warnings::warn;
 use crate::bricks::{BrickCounters, BrickFileError, IrradianceAtlas};
 use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::{
-    AOVS, Aov, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, Tile,
+    AOVS, Aov, Film, FilmError, Filter, FilterError, FilterSampler, LayerSet, PixelRect, PixelSample, Tile,
 };
 use crate::integrators::{
     CacheRequest, Counters, EyeRay, GlintView, Integrator, PathTracer, PhotonMapIntegrator,
@@ -26,11 +26,11 @@ use crate::integrators::{
     ShowRadiosity,
 };
 use crate::math::Rgb;
-use crate::media::{Medium, MediumStack};
+use crate::media::Medium;
 use crate::memory::{MemoryError, Resident, resident_memory};
 use crate::observer::{Observer, Silent};
 use crate::sampling::{Rng, SampleStream, Stream};
-use crate::scene::{Geometry, GuideKind, IntegratorKind, RenderPlan, Scene};
+use crate::scene::{CameraMedia, Geometry, GuideKind, IntegratorKind, RenderPlan, Scene};
 use glam::{DVec3, Vec2};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -372,11 +372,11 @@ impl PassTwo<'_> {
         let mut seconds_cache = 0.0;
         let mut cache = None;
         let mut memory_cache = None;
-        let medium = scene.medium_at(self.camera.eye());
+        let media = CameraMedia::of(scene, self.camera);
         let is_mapped =
             matches!(settings.integrator, IntegratorKind::PhotonMap | IntegratorKind::Progressive);
         let integrator: Box<dyn Integrator + '_> = if is_mapped && plan.irradiance_cache.build {
-            let mut integrator = PhotonMapIntegrator::new(scene, maps, plan, reading, medium);
+            let mut integrator = PhotonMapIntegrator::new(scene, maps, plan, reading, media);
             cache = self.fill_cache(&mut integrator);
             if cache.is_none() {
                 return Ok(None);
@@ -386,9 +386,9 @@ impl PassTwo<'_> {
             start = Instant::now();
             Box::new(integrator)
         } else {
-            self.integrator(medium)
+            self.integrator(media)
         };
-        let pixels = self.pixels(&*integrator, &sampler, medium, observer);
+        let pixels = self.pixels(&*integrator, &sampler, media, observer);
         let PixelsDone { counters, shadows, finished, adaptive } =
             if settings.adaptive { pixels.run_adaptive(film)? } else { pixels.run(film)? };
         let seconds_pixels = start.elapsed().as_secs_f64();
@@ -405,25 +405,25 @@ impl PassTwo<'_> {
     }
 
     /// The integrator of the settings, without an irradiance cache.
-    fn integrator(&self, medium: MediumStack) -> Box<dyn Integrator + '_> {
+    fn integrator(&self, media: CameraMedia) -> Box<dyn Integrator + '_> {
         let Self { scene, settings, plan, maps, reading, .. } = *self;
         let shown = maps.radiosity.as_ref();
         if let Some(shown) = shown.filter(|it| matches!(it.view, RadiosityView::Flat | RadiosityView::Smooth))
         {
-            return Box::new(ShowRadiosity::new(scene, shown, reading, medium));
+            return Box::new(ShowRadiosity::new(scene, shown, reading, media));
         }
         match settings.integrator {
             IntegratorKind::PhotonMap | IntegratorKind::Progressive => {
-                Box::new(PhotonMapIntegrator::new(scene, maps, plan, reading, medium))
+                Box::new(PhotonMapIntegrator::new(scene, maps, plan, reading, media))
             }
             IntegratorKind::Photons if settings.show == Show::Classes => {
-                Box::new(ShowClasses::new(scene, maps, settings.map, reading, medium))
+                Box::new(ShowClasses::new(scene, maps, settings.map, reading, media))
             }
-            IntegratorKind::Photons => Box::new(ShowPhotons::new(scene, maps, settings.map, reading, medium)),
+            IntegratorKind::Photons => Box::new(ShowPhotons::new(scene, maps, settings.map, reading, media)),
             IntegratorKind::Path => {
                 let guide = maps.guide.as_ref();
                 Box::new(
-                    PathTracer::new(scene, settings.max_depth, medium)
+                    PathTracer::new(scene, settings.max_depth, media)
                         .with_wavelengths(settings.wavelengths)
                         .guided_by(guide),
                 )
@@ -435,7 +435,7 @@ impl PassTwo<'_> {
         &'b self,
         integrator: &'b dyn Integrator,
         sampler: &'b FilterSampler,
-        medium: MediumStack,
+        media: CameraMedia,
         observer: &'b dyn Observer,
     ) -> PixelPass<'b> {
         let Self { scene, settings, .. } = *self;
@@ -444,7 +444,7 @@ impl PassTwo<'_> {
             // The extra rays would ignore attenuation by the medium.
             _ if scene.scatters() => VisibleEmitters::default(),
             IntegratorKind::PhotonMap | IntegratorKind::Path | IntegratorKind::Progressive => {
-                VisibleEmitters::new(scene, self.camera, medium, self.request)
+                VisibleEmitters::new(scene, self.camera, media, self.request)
             }
         };
         PixelPass {
@@ -462,7 +462,7 @@ impl PassTwo<'_> {
                 IntegratorKind::Progressive => Some(2.0 * self.samples.first as f32 + settings.spp as f32),
                 IntegratorKind::PhotonMap | IntegratorKind::Photons => Some(settings.spp as f32),
             },
-            medium,
+            media,
             samples: self.samples,
             observer,
         }
@@ -480,9 +480,9 @@ impl PassTwo<'_> {
         /// The fractional parts of the multiples of this number fill the unit interval evenly.
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         let sampler = self.request.filter.sampler()?;
-        let medium = self.scene.medium_at(self.camera.eye());
-        let integrator = self.integrator(medium);
-        let pixels = self.pixels(&*integrator, &sampler, medium, &Silent);
+        let media = CameraMedia::of(self.scene, self.camera);
+        let integrator = self.integrator(media);
+        let pixels = self.pixels(&*integrator, &sampler, media, &Silent);
         let rect = self.request.crop.unwrap_or(PixelRect::whole(self.request.width, self.request.height));
         let area = rect.area().max(1);
         let batch = BATCH * rayon::current_num_threads();
@@ -651,7 +651,7 @@ struct PixelPass<'a> {
     /// Camera samples per pixel of all rounds up to this one. The MIS weight of emitters that are hit by chance uses them; `None` where
     /// there is no such weight.
     certain: Option<f32>,
-    medium: MediumStack,
+    media: CameraMedia,
     samples: CameraSamples,
     observer: &'a dyn Observer,
 }
@@ -796,6 +796,13 @@ impl PixelPass<'_> {
                 let mut stream = SampleStream::new(seed, pixel, index);
                 let filtered = self.sampler.sample(stream.next_2d());
                 let place = FilmPlace { size, center, offset: filtered.offset };
+                if !self.camera.shows((center + filtered.offset) / size) {
+                    rendered.add((x, y), filtered.weight, &PixelSample::default());
+                    if wants_moments {
+                        moments.add(0.0);
+                    }
+                    continue;
+                }
                 // A pinhole camera uses no random numbers for the lens.
                 let lens = self.camera.lens().map_or(Vec2::ZERO, |_| stream.next_2d());
                 let ray = CameraRay::new(self.camera, place, lens);
@@ -811,7 +818,7 @@ impl PixelPass<'_> {
                 let mut sample = self.integrator.li(&eye, &mut stream, scratch);
                 if let Some(glints) = &glints {
                     let numbers = Rng::new(seed, Stream::Glints, (pixel << 32) | u64::from(index));
-                    let (by, view) = ((self.scene, self.medium), (self.camera, size, lens));
+                    let (by, view) = ((self.scene, self.media), (self.camera, size, lens));
                     sample.add(Aov::Specular, glints.radiance(by, view, filtered.weight, numbers));
                 }
                 if shows_lamps {
@@ -828,10 +835,7 @@ impl PixelPass<'_> {
                     let sum: DVec3 = sample.radiance.iter().map(|radiance| radiance.as_dvec3()).sum();
                     moments.add(sum.dot(LUMINANCE));
                 }
-                rendered.samples += 1;
-                if let Some(tile) = rendered.tile.as_mut().filter(|tile| tile.rect().contains(x, y)) {
-                    tile.add(x, y, filtered.weight, &sample);
-                }
+                rendered.add((x, y), filtered.weight, &sample);
             }
             if wants_moments {
                 rendered.moments.push(moments);
@@ -856,6 +860,16 @@ struct RenderedTile {
     samples: u64,
     /// Whether pixels lack samples because the render was stopped.
     is_cut: bool,
+}
+
+impl RenderedTile {
+    /// Adds a camera sample of a pixel.
+    fn add(&mut self, (x, y): (u32, u32), weight: f32, sample: &PixelSample) {
+        self.samples += 1;
+        if let Some(tile) = self.tile.as_mut().filter(|tile| tile.rect().contains(x, y)) {
+            tile.add(x, y, weight, sample);
+        }
+    }
 }
 
 /// Totals over all pixels.

@@ -5,13 +5,12 @@
 //! sample its emission alone. Each ray is one more sample of the pixel's filter: nothing is blurred, and the mean does not change.
 
 use super::pixels::RenderRequest;
-use crate::camera::{Camera, CameraRay, FilmPlace};
+use crate::camera::{Camera, CameraRay, FilmPlace, PictureDisc};
 use crate::film::{FilterSampler, PixelRect};
 use crate::lights::Light;
 use crate::math::Rgb;
-use crate::media::MediumStack;
 use crate::sampling::Rng;
-use crate::scene::Scene;
+use crate::scene::{CameraMedia, Scene};
 use crate::transport::emission_along;
 use glam::{Vec2, Vec3};
 
@@ -40,22 +39,23 @@ impl LampDisc {
 #[derive(Clone, Debug, Default)]
 pub(super) struct VisibleEmitters {
     lamps: Vec<LampDisc>,
-    medium: MediumStack,
+    media: CameraMedia,
 }
 
 impl VisibleEmitters {
-    /// The emitters that `camera`, inside `medium`, may see.
-    pub(super) fn new(scene: &Scene, camera: &Camera, medium: MediumStack, request: &RenderRequest) -> Self {
+    /// The emitters that `camera`, inside `media`, may see.
+    pub(super) fn new(scene: &Scene, camera: &Camera, media: CameraMedia, request: &RenderRequest) -> Self {
         let size = Vec2::new(request.width as f32, request.height as f32);
         let margin = request.filter.radius() * std::f32::consts::SQRT_2 + 0.5;
-        let lamps = scene.lights().iter().filter_map(|light| {
-            let (direction, tangent) = seen_from(camera, light)?;
-            let center = camera.position_of(direction)? * size;
-            // The image of a cone is longest towards the corners.
-            let radius = camera.stretch(direction) * tangent * size.y + margin;
-            Some(LampDisc { center, radius })
+        let images = scene.lights().iter().filter_map(|light| image_of(camera, light));
+        let copies: &[f32] = if camera.wraps_around() { &[0.0, -1.0, 1.0] } else { &[0.0] };
+        let lamps = images.flat_map(|image| {
+            copies.iter().map(move |&turn| LampDisc {
+                center: (image.center + turn * Vec2::X) * size,
+                radius: image.radius * size.y + margin,
+            })
         });
-        Self { lamps: lamps.collect(), medium }
+        Self { lamps: lamps.collect(), media }
     }
 
     /// The emitters that pixels of a rectangle may see.
@@ -82,10 +82,22 @@ impl VisibleEmitters {
             let other = sampler.sample(u.min(Vec2::splat(crate::sampling::ONE_MINUS_EPSILON)));
             let lens = camera.lens().map_or(Vec2::ZERO, |_| numbers.next_2d());
             let ray = CameraRay::new(camera, FilmPlace { offset: other.offset, ..place }, lens).ray;
-            sum += emission_along(scene, &ray, self.medium) * other.weight;
+            sum += emission_along(scene, &ray, self.media.at(scene, ray.origin)) * other.weight;
         }
         sum / ((SIDE * SIDE + 1) as f32 * weight)
     }
+}
+
+/// Where the picture may show an emitter that is small on it.
+fn image_of(camera: &Camera, light: &Light) -> Option<PictureDisc> {
+    if camera.has_parallel_rays() {
+        let Light::Area(area) = light else { return None };
+        let (center, radius) = area.bounding_sphere()?;
+        // The tangent of a camera with a field of view of 53 degrees, whose picture is one distance high.
+        return camera.image_of_sphere(center, radius).filter(|image| image.radius < WIDEST);
+    }
+    let (direction, tangent) = seen_from(camera, light)?;
+    camera.image_of_cone(direction, tangent)
 }
 
 /// Direction from the eye to the centre of an emitter, and the tangent of the half angle of a cone that contains it as seen from any point

@@ -5,8 +5,9 @@ use super::scene::{LightMedia, Scene};
 use super::shading::Shading;
 use super::surface::SurfaceInteraction;
 use crate::bsdf::{Bsdf, Dielectric, fresnel_dielectric};
+use crate::camera::Camera;
 use crate::lights::Light;
-use crate::math::{Ray, Rgb};
+use crate::math::{Ray, Rgb, unit};
 use crate::media::{AIR, Crossing, Medium, MediumId, MediumStack};
 use crate::sampling::{Sobol, warp};
 use crate::settings::Wavelengths;
@@ -306,6 +307,25 @@ impl Scene {
         best.map_or((MediumStack::AIR, false), |&(found, count)| (found, 4 * (all - count) > all))
     }
 
+    /// The bodies around `end`, where a straight way from `start` leads that begins within `current`: as the interfaces between them say.
+    /// Opaque surfaces are passed.
+    pub fn medium_along(&self, start: Vec3, mut current: MediumStack, end: Vec3) -> MediumStack {
+        // A way that crosses more surfaces than this is not followed to its end.
+        const CROSSINGS: u32 = 1000;
+        let Some(direction) = unit(end - start).filter(|_| self.has_interfaces) else { return current };
+        let within = |ray: Ray| Ray { t_max: (end - ray.origin).dot(direction), ..ray };
+        let mut ray = within(Ray::new(start, direction));
+        for _ in 0..CROSSINGS {
+            if !(ray.t_max > 0.0) {
+                break;
+            }
+            let Some(hit) = self.intersect(&ray) else { break };
+            current = self.crossing_behind(current, &hit).map_or(current, |crossing| crossing.after);
+            ray = within(hit.spawn(direction));
+        }
+        current
+    }
+
     /// The bodies that a ray leaves without having entered them; `None` where it meets no interface. Opaque surfaces do not bound media
     /// and are passed.
     fn left_along(&self, mut ray: Ray) -> Option<MediumStack> {
@@ -329,5 +349,36 @@ impl Scene {
             ray = hit.spawn(ray.direction);
         }
         None
+    }
+}
+
+/// The bodies in which the rays of a camera start.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CameraMedia {
+    at_eye: MediumStack,
+    /// The eye, where rays start far from it.
+    follows: Option<Vec3>,
+}
+
+impl CameraMedia {
+    /// For a camera in `scene`.
+    pub fn of(scene: &Scene, camera: &Camera) -> Self {
+        let eye = camera.eye();
+        Self { at_eye: scene.medium_at(eye), follows: camera.has_parallel_rays().then_some(eye) }
+    }
+
+    /// The bodies around the origin of a ray of the camera.
+    #[inline]
+    pub fn at(&self, scene: &Scene, origin: Vec3) -> MediumStack {
+        match self.follows {
+            Some(eye) => scene.medium_along(eye, self.at_eye, origin),
+            None => self.at_eye,
+        }
+    }
+}
+
+impl From<MediumStack> for CameraMedia {
+    fn from(at_eye: MediumStack) -> Self {
+        Self { at_eye, follows: None }
     }
 }

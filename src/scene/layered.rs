@@ -3,6 +3,7 @@
 use super::parts::Mesh;
 use super::surface::{Placement, SurfaceInteraction};
 use crate::bsdf::{Body, Layered, LayeredParameters};
+use crate::camera::PixelSpread;
 use crate::embree::{Cutout, TriangleBuffers};
 use crate::math::{Rgb, unit};
 use crate::textures::{Glow, TextureSlot, VertexData};
@@ -113,8 +114,8 @@ pub(super) struct Site<'a> {
     pub primitive: u32,
     /// Barycentric coordinates of the second and third corner.
     pub uv: [f32; 2],
-    /// Width of a pixel at distance 1.
-    pub pixel: f32,
+    /// Width of a pixel.
+    pub pixel: PixelSpread,
     /// Whether the surface's normal is opposite to the mesh's.
     pub flipped: bool,
 }
@@ -150,7 +151,7 @@ impl Footprint {
         let (corners, sets) = (site.data.corner_sets(triangle), site.data.sets(triangle, site.uv));
         let [u, v] = site.edges();
         let area = u.cross(v).length();
-        let width = site.pixel * distance;
+        let width = site.pixel.at(distance);
         let share = width * width / area;
         Self { share: if share.is_finite() { share } else { 0.0 }, corners, sets }
     }

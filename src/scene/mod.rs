@@ -22,6 +22,7 @@ pub use crate::settings::{GuideKind, IntegratorKind, MapKind, ShadowMode};
 pub use contact::Borders;
 pub use crossings::Crossings;
 pub use illuminated::{IlluminatedShape, IlluminationKernel};
+pub use interfaces::CameraMedia;
 pub use layered::{AlphaCutout, Coverage, LayeredMaterial, Painted, glow_of};
 pub use material::{Material, Tangent};
 pub use parts::{Geometry, LightNote, Mesh, Node, SceneParts, Surface, Target};

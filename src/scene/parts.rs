@@ -5,6 +5,7 @@ use super::material::Material;
 use super::render_space::RenderSpace;
 use super::surface::Placement;
 use super::texture::MaterialTexture;
+use crate::camera::PixelSpread;
 use crate::embree::{CommittedScene, Procedural, TriangleBuffers};
 use crate::lights::{Light, LightId};
 use crate::math::unit;
@@ -151,6 +152,6 @@ pub struct SceneParts {
     pub targets: Vec<Target>,
     /// For each light, its name in the scene file and its relative number of photons.
     pub light_notes: Vec<LightNote>,
-    /// Width of a pixel of the image at distance 1, which selects the resolution of textures. Zero selects the full resolution.
-    pub pixel: f32,
+    /// Width of a pixel of the image, which selects the resolution of textures. Zero selects the full resolution.
+    pub pixel: PixelSpread,
 }

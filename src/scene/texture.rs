@@ -4,6 +4,7 @@ use super::layered::LayeredMaterial;
 use super::render_space::RenderSpace;
 use super::surface::SurfaceInteraction;
 use crate::bsdf::Bsdf;
+use crate::camera::PixelSpread;
 use crate::math::{Rgb, unit_f64};
 use crate::textures::SolidTexture;
 use glam::Vec3;
@@ -35,10 +36,10 @@ impl MaterialTexture {
         self.colour.is_none() && self.bump.is_none() && self.layers.is_none()
     }
 
-    /// Evaluates the textures at a hit; `pixel` is the width of a pixel at distance 1.
-    pub(super) fn apply(&self, hit: &mut SurfaceInteraction, space: &RenderSpace, pixel: f32) {
+    /// Evaluates the textures at a hit; `pixel` is the width of a pixel.
+    pub(super) fn apply(&self, hit: &mut SurfaceInteraction, space: &RenderSpace, pixel: PixelSpread) {
         let world = hit.point.position.as_dvec3() / space.scale + space.center;
-        let width = f64::from(pixel) * f64::from(hit.distance) / space.scale;
+        let width = (f64::from(pixel.width) + f64::from(pixel.angle) * f64::from(hit.distance)) / space.scale;
         if let Some(texture) = &self.colour {
             hit.tint = texture.colour(world, width);
         }

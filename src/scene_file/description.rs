@@ -1,6 +1,7 @@
 //! Contents of a scene file before anything is built from it: plain data in `f64`, metres and watts. Each part keeps its place in
 //! the file.
 
+pub use super::camera::{CameraDescription, FovAxis, LensDescription, ProjectionDescription};
 use super::generate::Generator;
 use super::mesh::TriangleMesh;
 use super::room::Choice;
@@ -103,49 +104,6 @@ pub struct SceneDescription {
     pub further_files: Vec<PathBuf>,
     /// Parameter values that the file was read with and that appear nowhere else here; the scene's hash covers them.
     pub parameters: Vec<(String, String)>,
-}
-
-/// Side of the picture that a field of view spans.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FovAxis {
-    /// From the lower to the upper edge.
-    Vertical,
-    /// From the left to the right edge.
-    Horizontal,
-}
-
-/// A camera with or without a lens.
-#[derive(Clone, Debug)]
-pub struct CameraDescription {
-    /// Where it is defined.
-    pub location: Location,
-    /// Position, metres.
-    pub eye: DVec3,
-    /// Point at the centre of the picture, metres.
-    pub at: DVec3,
-    /// A direction that points up in the picture.
-    pub up: DVec3,
-    /// Full field of view along `fov_axis`, degrees, in `(0, 180)`.
-    pub fov: f64,
-    /// Side that `fov` spans. It is kept as the file gives it, because the command line may change the aspect ratio.
-    pub fov_axis: FovAxis,
-    /// The lens; none for a pinhole.
-    pub lens: Option<LensDescription>,
-    /// Whether the picture is mirrored left to right.
-    pub mirrored: bool,
-}
-
-impl CameraDescription {
-    /// Full vertical field of view in degrees of a picture of `width` by `height` square pixels.
-    pub fn vertical_fov(&self, width: u32, height: u32) -> f64 {
-        match self.fov_axis {
-            FovAxis::Vertical => self.fov,
-            FovAxis::Horizontal => {
-                let half_width = (0.5 * self.fov).to_radians().tan();
-                (2.0 * (half_width * f64::from(height) / f64::from(width)).atan()).to_degrees()
-            }
-        }
-    }
 }
 
 /// Reconstruction filter that weights the samples around a pixel's centre. Radii are in pixels.
@@ -744,15 +702,6 @@ pub enum ProfileBrightness {
     Power(DVec3),
 }
 
-/// A thin lens with a finite aperture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LensDescription {
-    /// Radius of the aperture, metres.
-    pub radius: f64,
-    /// Distance of the focal plane from the eye, along the view, metres.
-    pub focus: f64,
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -784,21 +733,5 @@ mod tests {
         assert!(fit.transform(&Bounds3::EMPTY).is_none());
         assert!(fit.transform(&Bounds3 { min: DVec3::ONE, max: DVec3::ONE }).is_none());
         assert!(fit.transform(&Bounds3 { min: DVec3::ZERO, max: DVec3::INFINITY }).is_none());
-    }
-
-    #[test]
-    fn horizontal_field_of_view_follows_the_picture() {
-        let camera = CameraDescription {
-            location: Location::default(),
-            eye: DVec3::Z,
-            at: DVec3::ZERO,
-            up: DVec3::Y,
-            fov: 90.0,
-            fov_axis: FovAxis::Horizontal,
-            lens: None,
-            mirrored: false,
-        };
-        assert!((camera.vertical_fov(100, 100) - 90.0).abs() < 1e-12);
-        assert!((camera.vertical_fov(200, 100) - 2.0 * 0.5f64.atan().to_degrees()).abs() < 1e-12);
     }
 }

@@ -2,6 +2,7 @@
 //! [`crate::scene::Scene`] in render space.
 
 mod build;
+mod camera;
 mod colours;
 mod description;
 mod diagnostic;

@@ -348,6 +348,16 @@ impl<'a> Value<'a> {
         Some(DVec3::new(numbers[0]?, numbers[1]?, numbers[2]?))
     }
 
+    /// Two numbers, each in a range.
+    pub(super) fn pair(&self, expected: &Expected, example: &str) -> Option<[f64; 2]> {
+        let items = self.list("a list of 2 numbers", example)?;
+        if items.len() != 2 {
+            return self.refuse_with_example("a list of 2 numbers", example);
+        }
+        let numbers: Vec<_> = items.map(|item| item.number(expected)).collect();
+        Some([numbers[0]?, numbers[1]?])
+    }
+
     /// A colour: three numbers for red, green and blue, or one for all.
     pub(super) fn colour(&self, expected: &Expected) -> Option<DVec3> {
         match self.value.get_ref() {

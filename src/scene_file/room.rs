@@ -2,7 +2,7 @@
 
 use super::description::{
     CameraDescription, EmissionDescription, FovAxis, GeometryDescription, LightDescription, Location,
-    MaterialDescription, Named, SceneDescription, ShapeDescription,
+    MaterialDescription, Named, ProjectionDescription, SceneDescription, ShapeDescription,
 };
 use super::enclosure::{Surroundings, Triangles};
 use crate::math::{Bounds3, Rgb};
@@ -225,9 +225,22 @@ pub(super) fn may_see(camera: &CameraDescription, aspect: f64, corners: &[DVec3]
     let forward = (camera.at - camera.eye).normalize_or_zero();
     let right = forward.cross(camera.up).normalize_or_zero();
     let up = right.cross(forward);
-    let half = match camera.fov_axis {
-        FovAxis::Vertical => (0.5 * camera.fov).to_radians().tan(),
-        FovAxis::Horizontal => (0.5 * camera.fov).to_radians().tan() / aspect,
+    let half = |extent: f64, axis: FovAxis| match axis {
+        FovAxis::Vertical => extent,
+        FovAxis::Horizontal => extent / aspect,
+        FovAxis::Sensor { aspect: sensor } => extent / aspect.min(sensor),
+    };
+    let half = match camera.projection {
+        ProjectionDescription::Perspective { fov, axis } => half((0.5 * fov).to_radians().tan(), axis),
+        ProjectionDescription::Orthographic { extent, axis } => {
+            let half = half(0.5 * extent, axis);
+            let is_outside =
+                |side: DVec3, most: f64| corners.iter().all(|corner| (*corner - camera.eye).dot(side) > most);
+            let across = half * aspect.max(WIDEST);
+            let sides = [(right, across), (-right, across), (up, half), (-up, half), (-forward, 0.0)];
+            return !sides.into_iter().any(|(side, most)| is_outside(side, most));
+        }
+        ProjectionDescription::Panorama | ProjectionDescription::Fisheye { .. } => return true,
     };
     let across = half * aspect.max(WIDEST);
     let planes = [
@@ -251,8 +264,7 @@ fn within(bounds: &Bounds3, eye: DVec3, at: DVec3, location: &Location) -> Camer
         eye: bounds.min + size * eye,
         at: bounds.min + size * at,
         up: DVec3::Y,
-        fov: 65.0,
-        fov_axis: FovAxis::Vertical,
+        projection: ProjectionDescription::Perspective { fov: 65.0, axis: FovAxis::Vertical },
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod atlas;
 mod broken_files;
+mod cameras;
 mod cli;
 mod common;
 mod error_figures;

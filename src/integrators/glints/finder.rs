@@ -8,7 +8,7 @@ use crate::lights::{Light, LightId};
 use crate::math::{Frame, Ray};
 use crate::media::MediumStack;
 use crate::sampling::SampleStream;
-use crate::scene::Scene;
+use crate::scene::{CameraMedia, Scene};
 use crate::settings::Wavelengths;
 use crate::transport::{Arrival, Event, next_event};
 use glam::{Mat2, Vec2, Vec3};
@@ -183,16 +183,21 @@ struct Seen<'a> {
 #[derive(Clone, Debug)]
 pub struct GlintFinder<'a> {
     pub(super) scene: &'a Scene,
-    camera_medium: MediumStack,
+    camera_media: CameraMedia,
     max_depth: u32,
     pub(super) lamps: Vec<Lamp>,
 }
 
 impl<'a> GlintFinder<'a> {
-    /// For chains shorter than `max_depth`, from a camera in `camera_medium`.
-    pub fn new(scene: &'a Scene, camera_medium: MediumStack, max_depth: u32) -> Self {
+    /// For chains shorter than `max_depth`, from a camera in `camera_media`.
+    pub fn new(scene: &'a Scene, camera_media: CameraMedia, max_depth: u32) -> Self {
         let lamps = scene.lights().iter().zip(0..).filter_map(|(light, id)| Lamp::new(light, id)).collect();
-        Self { scene, camera_medium, max_depth, lamps }
+        Self { scene, camera_media, max_depth, lamps }
+    }
+
+    /// The bodies in which a camera ray starts.
+    fn medium_of(&self, ray: &Ray) -> MediumStack {
+        self.camera_media.at(self.scene, ray.origin)
     }
 
     /// Glints found from one place of the image. Also counts the emitters that the camera's ray itself hits there and that `of_pixel`
@@ -209,7 +214,7 @@ impl<'a> GlintFinder<'a> {
         let (mut found, mut met) = (Vec::new(), 0.0);
         let mut branches = std::mem::take(&mut scratch.branches);
         branches.clear();
-        branches.push(Branch::from_eye(ray.ray, self.camera_medium));
+        branches.push(Branch::from_eye(ray.ray, self.medium_of(&ray.ray)));
         while let Some(mut branch) = branches.pop() {
             let Some(chain) = branch.chain else { continue };
             if chain.is_lost() {
@@ -295,7 +300,7 @@ impl<'a> GlintFinder<'a> {
 
     /// [`ChainEnd::chance`] of a camera ray.
     pub(super) fn chance(&self, camera: &CameraRay<'_>, chain: &Chain) -> Option<f32> {
-        Some(chain.follow(self.scene, camera.ray, self.camera_medium)?.chance)
+        Some(chain.follow(self.scene, camera.ray, self.medium_of(&camera.ray))?.chance)
     }
 
     /// Weight of an emitter that is hit behind a chain: about how often `samples` of a pixel, sampled with this `density` per square
@@ -314,7 +319,7 @@ impl<'a> GlintFinder<'a> {
         let lamp = self.lamps.iter().find(|lamp| lamp.id == id).filter(|lamp| lamp.is_below(ray, NEAR));
         let Some(lamp) = lamp else { return 1.0 };
         let area = || {
-            let end = chain.follow(self.scene, camera.ray, self.camera_medium)?;
+            let end = chain.follow(self.scene, camera.ray, self.medium_of(&camera.ray))?;
             let seen = Seen { camera, chain, ray: end.ray };
             let (along, _) = lamp.seen_from(&end.ray)?;
             let (_, moves) = self.motion(lamp, &seen, Vec2::ZERO, &end.ray, along)?;
@@ -328,7 +333,8 @@ impl<'a> GlintFinder<'a> {
 
     /// Follows the chain from a place `offset` pixels beside the camera's ray.
     fn end(&self, seen: &Seen<'_>, offset: Vec2) -> Option<ChainEnd> {
-        seen.chain.follow(self.scene, seen.camera.beside(offset), self.camera_medium)
+        let ray = seen.camera.beside(offset);
+        seen.chain.follow(self.scene, ray, self.medium_of(&ray))
     }
 
     /// How the ray at `offset` moves across itself with each pixel at the point where it passes the emitter; and the frame of that

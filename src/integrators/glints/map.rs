@@ -6,9 +6,8 @@ use crate::camera::{Camera, CameraRay, FilmPlace};
 use crate::film::FilterSampler;
 use crate::lights::LightId;
 use crate::math::{Ray, Rgb};
-use crate::media::MediumStack;
 use crate::sampling::{Rng, warp};
-use crate::scene::Scene;
+use crate::scene::{CameraMedia, Scene};
 use crate::transport::emission_along;
 use glam::{IVec2, Vec2};
 
@@ -173,7 +172,7 @@ impl PixelGlints<'_> {
     /// with the `weight` of that sample.
     pub fn radiance(
         &self,
-        (scene, medium): (&Scene, MediumStack),
+        (scene, media): (&Scene, CameraMedia),
         (camera, size, lens): (&Camera, Vec2, Vec2),
         weight: f32,
         mut numbers: Rng,
@@ -201,7 +200,7 @@ impl PixelGlints<'_> {
                 continue;
             }
             let ray = CameraRay::new(camera, place, lens).ray;
-            let Some(end) = glint.chain.follow(scene, ray, medium) else { continue };
+            let Some(end) = glint.chain.follow(scene, ray, media.at(scene, ray.origin)) else { continue };
             let found = emission_along(scene, &end.ray, end.medium);
             if found == Rgb::ZERO {
                 continue;

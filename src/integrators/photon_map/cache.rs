@@ -5,7 +5,7 @@ use super::gather::{Start, cone_of};
 use super::walk::{Walk, walk_specular};
 use super::{PhotonMapIntegrator, Vertex};
 use crate::caches::{CacheSettings, Filling, Hemisphere, Irradiance, Place, Record, Seen};
-use crate::camera::Camera;
+use crate::camera::{Camera, PixelSpread};
 use crate::film::Aov;
 use crate::integrators::{Counters, EyeRay, Scratch};
 use crate::math::{Frame, Rgb};
@@ -189,7 +189,7 @@ impl PhotonMapIntegrator<'_> {
         let (width, height) = request.size;
         let size = Vec2::new(width as f32, height as f32);
         let at = |dx: f32| request.camera.ray((Vec2::new(x as f32, y as f32) + Vec2::new(dx, 0.5)) / size);
-        let pixel_angle = (at(1.0).direction - at(0.0).direction).length();
+        let spread = PixelSpread::between(&at(0.0), &at(1.0));
         let pixel = u64::from(y) * u64::from(width) + u64::from(x);
         let mut samples = SampleStream::new(mix(request.seed ^ Stream::IrradianceCache as u64), pixel, 0);
         let mut number = 0;
@@ -201,11 +201,13 @@ impl PhotonMapIntegrator<'_> {
             wavelengths: self.settings.wavelengths,
             media: None,
         };
-        walk_specular(walk, &EyeRay::alone(at(0.5)), self.camera_medium, &mut samples, scratch, &mut {
+        let eye = at(0.5);
+        let medium = self.camera_media.at(self.scene, eye.origin);
+        walk_specular(walk, &EyeRay::alone(eye), medium, &mut samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| {
                 if self.is_cached(vertex) {
                     visit(
-                        Candidate { pixel: (x, y), number, place: place_of(vertex, pixel_angle) },
+                        Candidate { pixel: (x, y), number, place: place_of(vertex, spread) },
                         vertex,
                         scratch,
                     );
@@ -324,7 +326,7 @@ struct Candidate {
     place: Place,
 }
 
-fn place_of(vertex: &Vertex<'_>, pixel_angle: f32) -> Place {
+fn place_of(vertex: &Vertex<'_>, spread: PixelSpread) -> Place {
     let hit = vertex.hit;
     // Side of a square with the area of the pixel on the surface; at most about three times the short side.
     let cosine = hit.wo.dot(hit.point.normal).abs().max(0.1);
@@ -332,7 +334,7 @@ fn place_of(vertex: &Vertex<'_>, pixel_angle: f32) -> Place {
         position: hit.point.position,
         normal: vertex.shading.frame.z,
         medium: vertex.medium,
-        footprint: pixel_angle * vertex.travelled / cosine.sqrt(),
+        footprint: spread.at(vertex.travelled) / cosine.sqrt(),
     }
 }
 

@@ -33,7 +33,7 @@ use crate::photons::{
     SearchRegion, ShadowMaps,
 };
 use crate::sampling::SampleStream;
-use crate::scene::{RenderPlan, Scene, Shading, SurfaceInteraction};
+use crate::scene::{CameraMedia, RenderPlan, Scene, Shading, SurfaceInteraction};
 use crate::settings::Wavelengths;
 use gather::Gain;
 use glam::Vec3;
@@ -189,7 +189,7 @@ pub struct PhotonMapIntegrator<'a> {
     settings: PhotonMapSettings,
     direct: DirectLighting<'a>,
     bsdf_sampling: bool,
-    camera_medium: MediumStack,
+    camera_media: CameraMedia,
     cache: Option<IrradianceCache>,
 }
 
@@ -211,18 +211,18 @@ struct Vertex<'a> {
 }
 
 impl<'a> PhotonMapIntegrator<'a> {
-    /// Reads `maps` for images of `scene` from a camera in `camera_medium`.
+    /// Reads `maps` for images of `scene` from a camera in `camera_media`.
     pub fn new(
         scene: &'a Scene,
         maps: &'a PhotonMaps,
         plan: &RenderPlan,
         settings: PhotonMapSettings,
-        camera_medium: MediumStack,
+        camera_media: impl Into<CameraMedia>,
     ) -> Self {
         let bsdf_sampling = plan.bsdf_sampling.build;
         let direct = DirectLighting::new(scene, settings.light_samples, bsdf_sampling)
             .with_shadows(maps.shadows.as_ref());
-        Self { scene, maps, settings, direct, bsdf_sampling, camera_medium, cache: None }
+        Self { scene, maps, settings, direct, bsdf_sampling, camera_media: camera_media.into(), cache: None }
     }
 
     /// How directions of gather rays are sampled at a vertex.
@@ -410,7 +410,8 @@ impl Integrator for PhotonMapIntegrator<'_> {
                 self.scattered_along(stretch, throughput, samples, scratch)
             }),
         };
-        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
+        let medium = self.camera_media.at(self.scene, ray.ray.origin);
+        walk_specular(walk, ray, medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, samples: &mut SampleStream, scratch: &mut Scratch| {
                 self.shade(vertex, samples, scratch)
             }

@@ -6,9 +6,8 @@ use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::{EyeRay, Integrator, Scratch};
 use crate::math::Rgb;
-use crate::media::MediumStack;
 use crate::sampling::SampleStream;
-use crate::scene::{MapKind, Scene};
+use crate::scene::{CameraMedia, MapKind, Scene};
 use std::f32::consts::FRAC_1_PI;
 
 /// Side of the voxels of brick maps that are shown, over the length of the path from the eye: about a pixel.
@@ -21,7 +20,7 @@ pub struct ShowPhotons<'a> {
     maps: &'a PhotonMaps,
     kind: MapKind,
     settings: PhotonMapSettings,
-    camera_medium: MediumStack,
+    camera_media: CameraMedia,
 }
 
 impl<'a> ShowPhotons<'a> {
@@ -31,9 +30,9 @@ impl<'a> ShowPhotons<'a> {
         maps: &'a PhotonMaps,
         kind: MapKind,
         settings: PhotonMapSettings,
-        camera_medium: MediumStack,
+        camera_media: CameraMedia,
     ) -> Self {
-        Self { scene, maps, kind, settings, camera_medium }
+        Self { scene, maps, kind, settings, camera_media }
     }
 
     fn shade(&self, vertex: &Vertex<'_>, scratch: &mut Scratch) -> (Aov, Rgb) {
@@ -84,7 +83,8 @@ impl Integrator for ShowPhotons<'_> {
             wavelengths: self.settings.wavelengths,
             media: None,
         };
-        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
+        let medium = self.camera_media.at(self.scene, ray.ray.origin);
+        walk_specular(walk, ray, medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]
         })
     }

@@ -5,10 +5,9 @@ use super::{PhotonMapSettings, PhotonMaps, Vertex};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::{EyeRay, Integrator, Scratch};
 use crate::math::Rgb;
-use crate::media::MediumStack;
 use crate::photons::{PhotonClass, PhotonClasses, PhotonMap, Query};
 use crate::sampling::SampleStream;
-use crate::scene::{MapKind, Scene};
+use crate::scene::{CameraMedia, MapKind, Scene};
 use crate::settings::Wavelengths;
 
 /// Radius of a photon's disc, as a share of the scene's radius.
@@ -25,7 +24,7 @@ pub struct ShowClasses<'a> {
     maps: &'a PhotonMaps,
     kind: MapKind,
     max_depth: u32,
-    camera_medium: MediumStack,
+    camera_media: CameraMedia,
 }
 
 impl<'a> ShowClasses<'a> {
@@ -35,9 +34,9 @@ impl<'a> ShowClasses<'a> {
         maps: &'a PhotonMaps,
         kind: MapKind,
         settings: PhotonMapSettings,
-        camera_medium: MediumStack,
+        camera_media: CameraMedia,
     ) -> Self {
-        Self { scene, maps, kind, max_depth: settings.max_depth, camera_medium }
+        Self { scene, maps, kind, max_depth: settings.max_depth, camera_media }
     }
 
     /// Class of the nearest photon whose disc covers the point.
@@ -89,7 +88,8 @@ impl Integrator for ShowClasses<'_> {
             wavelengths: Wavelengths::Off,
             media: None,
         };
-        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
+        let medium = self.camera_media.at(self.scene, ray.ray.origin);
+        walk_specular(walk, ray, medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, scratch: &mut Scratch| [self.shade(vertex, scratch)]
         })
     }

@@ -5,10 +5,9 @@ use super::{PhotonMapIntegrator, PhotonMapSettings, Vertex};
 use crate::film::{Aov, PixelSample};
 use crate::integrators::{EyeRay, Integrator, Scratch};
 use crate::math::Rgb;
-use crate::media::MediumStack;
 use crate::radiosity::{PatchIrradiance, Radiosity};
 use crate::sampling::SampleStream;
-use crate::scene::{Scene, Shading};
+use crate::scene::{CameraMedia, Scene, Shading};
 use crate::settings::Wavelengths;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
@@ -67,7 +66,7 @@ pub struct ShowRadiosity<'a> {
     scene: &'a Scene,
     shown: &'a ShownRadiosity,
     settings: PhotonMapSettings,
-    camera_medium: MediumStack,
+    camera_media: CameraMedia,
 }
 
 impl<'a> ShowRadiosity<'a> {
@@ -76,9 +75,9 @@ impl<'a> ShowRadiosity<'a> {
         scene: &'a Scene,
         shown: &'a ShownRadiosity,
         settings: PhotonMapSettings,
-        camera_medium: MediumStack,
+        camera_media: CameraMedia,
     ) -> Self {
-        Self { scene, shown, settings, camera_medium }
+        Self { scene, shown, settings, camera_media }
     }
 
     fn shade(&self, vertex: &Vertex<'_>) -> [(Aov, Rgb); 2] {
@@ -105,7 +104,8 @@ impl Integrator for ShowRadiosity<'_> {
             samples_lights: false,
             media: None,
         };
-        walk_specular(walk, ray, self.camera_medium, samples, scratch, &mut {
+        let medium = self.camera_media.at(self.scene, ray.ray.origin);
+        walk_specular(walk, ray, medium, samples, scratch, &mut {
             |vertex: &Vertex<'_>, _: &mut SampleStream, _: &mut Scratch| self.shade(vertex)
         })
     }

@@ -6,7 +6,8 @@ use super::{BuildError, BuildProblem, begin_reading, error_of};
 use crate::observer::Observer;
 use crate::scene_file::description::{
     CameraDescription, DensityDescription, FitDescription, FitMoves, GeometryDescription, LightDescription,
-    Named, NoiseDescription, ProfileBrightness, SceneDescription, SceneWarning, ShapeDescription,
+    Named, NoiseDescription, ProfileBrightness, ProjectionDescription, SceneDescription, SceneWarning,
+    ShapeDescription,
 };
 use crate::scene_file::enclosure::Triangles;
 use crate::scene_file::mesh::{MeshReport, TriangleMesh};
@@ -190,7 +191,13 @@ fn move_scene(scene: &mut SceneDescription, by: &DAffine3, scale: f64, kept: &[b
             lens
         });
         let (eye, at, up) = (point(camera.eye), point(camera.at), vector(camera.up));
-        *camera = CameraDescription { eye, at, up, lens, ..camera.clone() };
+        let projection = match camera.projection {
+            ProjectionDescription::Orthographic { extent, axis } => {
+                ProjectionDescription::Orthographic { extent: extent * scale, axis }
+            }
+            other => other,
+        };
+        *camera = CameraDescription { eye, at, up, lens, projection, ..camera.clone() };
     }
     for medium in &mut scene.media {
         match medium.value.volume.as_mut().map(|volume| &mut volume.density) {

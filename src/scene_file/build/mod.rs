@@ -17,15 +17,15 @@ use self::light::LightSource;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
     CameraDescription, DensityDescription, EmissionDescription, FilmDescription, GeometryDescription,
-    IlluminationDescription, Location, MaterialDescription, SceneDescription, SceneWarning, ShapeDescription,
-    VolumeDescription,
+    IlluminationDescription, Location, MaterialDescription, ProjectionDescription, SceneDescription,
+    SceneWarning, ShapeDescription, VolumeDescription,
 };
 use super::gltf::{GltfError, is_gltf_file};
 use super::ies::IesError;
 use super::mesh::Cloud;
 use super::mesh_file::MeshFileError;
 use crate::bsdf::{Dielectric, RoughDielectric};
-use crate::camera::{Camera, Lens};
+use crate::camera::{Camera, PixelSpread};
 use crate::embree::{Device, EmbreeError, SceneBuilder, TriangleError};
 use crate::image_io::ImageError;
 use crate::lights::{AreaLight, Light};
@@ -308,7 +308,7 @@ struct Builder<'a> {
     lights: Vec<LightSource>,
     warnings: Vec<SceneWarning>,
     /// Width of a pixel at distance 1.
-    pixel: f32,
+    pixel: PixelSpread,
 }
 
 /// A light on a surface whose radiance is not scaled yet.
@@ -398,7 +398,7 @@ impl<'a> Builder<'a> {
             }));
             lights.push(source);
         }
-        Ok(Self { description, sources, specularities, lights, warnings, pixel: 0.0 })
+        Ok(Self { description, sources, specularities, lights, warnings, pixel: PixelSpread::default() })
     }
 
     /// Goes on with a description that has more materials and shapes than the present one.
@@ -508,7 +508,7 @@ impl<'a> Builder<'a> {
             object: "camera".into(),
             problem: BuildProblem::Camera,
         };
-        let (eye, at) = (space.position(description.eye), space.position(description.at));
+        let eye = space.position(description.eye);
         if eye.length() > FAR_CAMERA {
             self.warnings.push(SceneWarning {
                 location: description.location.clone(),
@@ -519,16 +519,8 @@ impl<'a> Builder<'a> {
                 ),
             });
         }
-        let fov = description.vertical_fov(width, height);
-        self.pixel = (2.0 * (0.5 * fov).to_radians().tan() / f64::from(height)) as f32;
-        let camera = Camera::look_at(eye, at, description.up, fov, aspect).ok_or_else(error)?;
-        let camera = if description.mirrored { camera.mirrored() } else { camera };
-        let camera = match description.lens {
-            Some(lens) => {
-                camera.with_lens(Lens { radius: space.length(lens.radius), focus: space.length(lens.focus) })
-            }
-            None => camera,
-        };
+        let camera = description.build(space, (width, height)).ok_or_else(error)?;
+        self.pixel = camera.spread(height);
         Ok((camera, description))
     }
 
@@ -914,8 +906,7 @@ fn framing(bounds: &Bounds3, aspect: f64, location: &Location) -> CameraDescript
         eye: bounds.center() + from * distance,
         at: bounds.center(),
         up: DVec3::Y,
-        fov: FOV,
-        fov_axis: super::FovAxis::Vertical,
+        projection: ProjectionDescription::Perspective { fov: FOV, axis: super::FovAxis::Vertical },
         lens: None,
         mirrored: false,
     }

@@ -596,7 +596,7 @@ impl Loader<'_> {
         }
     }
 
-    /// Adds the camera that is asked for, or the first usable one.
+    /// Adds the camera that is asked for, or the first usable one; perspective ones come first.
     fn add_camera(
         &mut self,
         hierarchy: &Hierarchy,
@@ -611,7 +611,13 @@ impl Loader<'_> {
         let names: Vec<_> = cameras.iter().map(|(_, camera)| camera.name().map(str::to_owned)).collect();
         let order: Vec<usize> = match wanted {
             Some(wanted) => vec![choose(wanted, &names, "camera")?],
-            None => (0..cameras.len()).collect(),
+            None => {
+                let is_flat = |index: &usize| {
+                    matches!(cameras[*index].1.projection(), gltf::camera::Projection::Orthographic(_))
+                };
+                let (flat, deep): (Vec<_>, Vec<_>) = (0..cameras.len()).partition(is_flat);
+                [deep, flat].concat()
+            }
         };
         for index in order {
             let (placed, camera) = &cameras[index];

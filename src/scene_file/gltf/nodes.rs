@@ -5,9 +5,12 @@ use super::data::Data;
 use super::error::{Failure, fail};
 use super::materials::LUMENS_PER_WATT;
 use crate::memory::{INSTANCE, LIGHT};
-use crate::scene_file::description::{CameraDescription, FovAxis, LightDescription, Location};
+use crate::scene_file::description::{
+    CameraDescription, FovAxis, LightDescription, Location, ProjectionDescription,
+};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use gltf::Semantic;
+use gltf::camera::Projection;
 use gltf::khr_lights_punctual::Kind;
 use gltf::scene::Transform;
 use serde_json::Value;
@@ -313,25 +316,39 @@ fn add_skins(document: &gltf::Document, found: &mut Hierarchy, data: &mut Data<'
     Ok(())
 }
 
-/// The pinhole camera of a node. Yields `None` and a warning for an orthographic camera, or one that cannot be placed.
+/// The camera of a node, and the aspect of its picture; a warning for one that cannot be placed.
 pub(super) fn camera(
     camera: &gltf::Camera<'_>,
     placed: &Placed,
     location: &Location,
 ) -> Result<(CameraDescription, Option<f32>), String> {
     let name = super::label("cameras", camera.index(), camera.name());
-    let gltf::camera::Projection::Perspective(lens) = camera.projection() else {
-        return Err(format!("{name} is orthographic, which is not modelled; it was left out"));
-    };
     let eye = placed.to_world.translation;
     let turned = |v: DVec3| crate::math::unit_f64(placed.to_world.matrix3 * v);
     let (Some(forward), Some(up)) = (turned(DVec3::NEG_Z), turned(DVec3::Y)) else {
         return Err(format!("{name} has no direction; it was left out"));
     };
-    let fov = f64::from(lens.yfov()).to_degrees();
-    if !(fov > 0.0 && fov < 180.0 && eye.is_finite()) {
-        return Err(format!("{name} has a field of view of {fov} degrees; it was left out"));
+    if !eye.is_finite() {
+        return Err(format!("{name} has no position; it was left out"));
     }
+    let (projection, aspect) = match camera.projection() {
+        Projection::Perspective(lens) => {
+            let fov = f64::from(lens.yfov()).to_degrees();
+            if !(fov > 0.0 && fov < 180.0) {
+                return Err(format!("{name} has a field of view of {fov} degrees; it was left out"));
+            }
+            (ProjectionDescription::Perspective { fov, axis: FovAxis::Vertical }, lens.aspect_ratio())
+        }
+        Projection::Orthographic(lens) => {
+            // Half of what is in view.
+            let (x, y) = (lens.xmag().abs(), lens.ymag().abs());
+            if !(x > 0.0 && y > 0.0 && x.is_finite() && y.is_finite()) {
+                return Err(format!("{name} shows {x} by {y} m; it was left out"));
+            }
+            let extent = 2.0 * f64::from(y);
+            (ProjectionDescription::Orthographic { extent, axis: FovAxis::Vertical }, Some(x / y))
+        }
+    };
     // Far from the origin, rounding would swallow a step of 1.
     let step = 1f64.max(1e-3 * eye.length());
     let at = eye + forward * step;
@@ -340,12 +357,11 @@ pub(super) fn camera(
         eye,
         at,
         up,
-        fov,
-        fov_axis: FovAxis::Vertical,
+        projection,
         lens: None,
         mirrored: false,
     };
-    Ok((description, lens.aspect_ratio().filter(|aspect| aspect.is_finite() && *aspect > 0.0)))
+    Ok((description, aspect.filter(|aspect| aspect.is_finite() && *aspect > 0.0)))
 }
 
 /// A light of KHR_lights_punctual, with candela and lux converted to W/sr and W/m^2. It points along the node's -z.

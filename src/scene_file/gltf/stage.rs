@@ -5,7 +5,7 @@ use super::materials::LUMENS_PER_WATT;
 use crate::math::Bounds3;
 use crate::scene_file::description::{
     CameraDescription, FovAxis, GeometryDescription, LightDescription, Location, MaterialDescription, Named,
-    SceneDescription, SceneWarning, ShapeDescription,
+    ProjectionDescription, SceneDescription, SceneWarning, ShapeDescription,
 };
 use crate::scene_file::enclosure::{Surroundings, Triangles};
 use crate::scene_file::room::{
@@ -298,8 +298,7 @@ fn framing(bounds: &Bounds3, aspect: f64, view: DVec3, location: &Location) -> C
         eye: center + towards * distance,
         at: center,
         up: DVec3::Y,
-        fov: FOV,
-        fov_axis: FovAxis::Vertical,
+        projection: ProjectionDescription::Perspective { fov: FOV, axis: FovAxis::Vertical },
     }
 }
 

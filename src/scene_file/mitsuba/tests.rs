@@ -5,7 +5,7 @@ use crate::lights::{EnvironmentLight, EnvironmentMap};
 use crate::math::Rgb;
 use crate::sampling::square_to_direction;
 use crate::scene_file::description::{
-    FilterDescription, FovAxis, GeometryDescription, LightDescription, MaterialDescription, MeshNormals,
+    FilterDescription, FovAxis, GeometryDescription, LightDescription, MaterialDescription, MeshNormals, ProjectionDescription,
 };
 use crate::scene_file::photon_content_hash;
 use glam::{DMat3, DVec3, Vec3};
@@ -65,8 +65,8 @@ fn a_whole_scene_becomes_what_it_says() {
     assert_eq!((scene.render.spp, scene.render.max_depth), (Some(64), Some(5)));
     let camera = scene.camera.unwrap();
     assert_eq!(
-        (camera.eye, camera.fov, camera.fov_axis),
-        (DVec3::new(0.0, 1.0, 5.0), 40.0, FovAxis::Horizontal)
+        (camera.eye, camera.perspective().unwrap()),
+        (DVec3::new(0.0, 1.0, 5.0), (40.0, FovAxis::Horizontal))
     );
     assert!(((camera.at - camera.eye).normalize() - DVec3::NEG_Z).length() < 1e-12 && !camera.mirrored);
     let MaterialDescription::Lambert { reflectance, two_sided } =
@@ -124,7 +124,12 @@ fn what_is_wrong_is_told_with_its_line() {
         ("<shape type=\"obj\"/>".to_owned(), 2, vec!["names no file", "filename"]),
         ("<include filename=\"none.xml\"/>".to_owned(), 2, vec!["no file `none.xml`"]),
         ("<path value=\"nowhere\"/>".to_owned(), 2, vec!["no folder `nowhere`"]),
-        ("<sensor type=\"orthographic\"/>".to_owned(), 2, vec!["`orthographic`", "perspective"]),
+        ("<sensor type=\"batch\"/>".to_owned(), 2, vec!["`batch`", "orthographic"]),
+        (
+            "<sensor type=\"orthographic\"><transform name=\"to_world\"><scale x=\"2\"/></transform></sensor>".to_owned(),
+            2,
+            vec!["differently", "the same factor"],
+        ),
         (
             "<sensor type=\"perspective\"><float name=\"fov\" value=\"200\"/></sensor>".to_owned(),
             2,
@@ -265,6 +270,25 @@ fn steps_of_a_transform_follow_each_other() {
     assert!((at - DVec3::new(1.0, 4.0, 13.0)).length() < 1e-12, "{at}");
 }
 
+/// x of an orthographic sensor goes from -1 to 1 across the picture, in its own space.
+#[test]
+fn orthographic_sensors() {
+    let scene = |kind: &str| {
+        scene(&format!(
+            "<sensor type=\"{kind}\"><float name=\"aperture_radius\" value=\"0.1\"/><float name=\"focus_distance\" value=\"4\"/>
+            <transform name=\"to_world\"><scale x=\"3\" y=\"3\"/><lookat origin=\"1, 2, 3\" target=\"4, 2, 3\" up=\"0, 0, 1\"/>
+            </transform></sensor>"
+        ))
+        .camera
+        .unwrap()
+    };
+    let (plain, lens) = (scene("orthographic"), scene("telecentric"));
+    let wanted = ProjectionDescription::Orthographic { extent: 6.0, axis: FovAxis::Horizontal };
+    assert_eq!((plain.projection, plain.lens, plain.mirrored), (wanted, None, false));
+    let lens = lens.lens.unwrap();
+    assert!((lens.radius - 0.3).abs() < 1e-9 && (lens.focus - 4.0).abs() < 1e-9, "{lens:?}");
+}
+
 /// A point on the left of the camera's axes (x of a sensor points left) is on the left of the picture. Where the transform
 /// mirrors, it is on the right.
 #[test]
@@ -289,7 +313,7 @@ fn fields_of_view_span_what_they_say() {
     let fov = |text: &str| {
         let film = "<film type=\"hdrfilm\"><integer name=\"width\" value=\"200\"/><integer name=\"height\" value=\"100\"/></film>";
         let camera = scene(&format!("<sensor type=\"perspective\">{film}{text}</sensor>")).camera.unwrap();
-        (camera.fov, camera.fov_axis)
+        camera.perspective().unwrap()
     };
     let axis = |name: &str| {
         fov(&format!("<float name=\"fov\" value=\"50\"/><string name=\"fov_axis\" value=\"{name}\"/>"))

@@ -7,7 +7,7 @@ use super::text::shown;
 use super::value::Object;
 use crate::film::PixelRect;
 use crate::scene_file::description::{
-    CameraDescription, FilmDescription, FilterDescription, FovAxis, LensDescription,
+    CameraDescription, FilmDescription, FilterDescription, FovAxis, LensDescription, ProjectionDescription,
 };
 use crate::scene_file::diagnostic::suggestion;
 use glam::DVec3;
@@ -147,17 +147,17 @@ impl Importer<'_> {
     /// Reads the camera with its film and its samples.
     pub(super) fn sensor(&mut self, object: &Rc<Object>) -> Result<(), Fault> {
         match object.plugin.as_str() {
-            "perspective" | "thinlens" => {}
-            "orthographic" | "telecentric" | "perspective_rdist" | "spherical" | "radiancemeter"
-            | "fluencemeter" | "irradiancemeter" | "distant" | "batch" | "mradiancemeter" => {
+            "perspective" | "thinlens" | "orthographic" | "telecentric" => {}
+            "perspective_rdist" | "spherical" | "radiancemeter" | "fluencemeter" | "irradiancemeter"
+            | "distant" | "batch" | "mradiancemeter" => {
                 return fail(
                     &object.place,
                     format!("the sensor `{}` is not modelled", object.plugin),
-                    "use `perspective`; from far away with a small `fov` it is nearly orthographic",
+                    "use `perspective` or `orthographic`",
                 );
             }
             other => {
-                let known = suggestion(other, &["perspective", "thinlens"]);
+                let known = suggestion(other, &["perspective", "thinlens", "orthographic", "telecentric"]);
                 return fail(&object.place, format!("the sensor `{}` is not known", shown(other)), known);
             }
         }
@@ -168,8 +168,19 @@ impl Importer<'_> {
             self.sampler_of(&sampler)?;
         }
         let to_world = object.transform("to_world")?;
-        let (fov, fov_axis) = self.field_of_view(object)?;
-        let is_lens = object.plugin == "thinlens";
+        let is_parallel = matches!(object.plugin.as_str(), "orthographic" | "telecentric");
+        let is_lens = matches!(object.plugin.as_str(), "thinlens" | "telecentric");
+        let matrix = to_world.matrix3;
+        let projection = if is_parallel {
+            // x from -1 to 1 of the sensor's own space.
+            ProjectionDescription::Orthographic {
+                extent: 2.0 * matrix.x_axis.length(),
+                axis: FovAxis::Horizontal,
+            }
+        } else {
+            let (fov, axis) = self.field_of_view(object)?;
+            ProjectionDescription::Perspective { fov, axis }
+        };
         let radius = if is_lens { object.within("aperture_radius", 0.0, 0.0..=1e9)? } else { 0.0 };
         let far = object.float_or("far_clip", 1e4)?;
         let focus = object.float_or("focus_distance", far)?;
@@ -193,9 +204,11 @@ impl Importer<'_> {
         if !self.parts(object, "medium")?.is_empty() {
             self.report.note(object, "the medium around the camera is that of the body that it is in");
         }
-        let known = ["to_world", "fov", "fov_axis", "focal_length", "focus_distance", "aperture_radius"];
-        self.finish(object, &known)?;
-        let matrix = to_world.matrix3;
+        let known: &[&str] = match is_parallel {
+            true => &["to_world", "focus_distance", "aperture_radius"],
+            false => &["to_world", "fov", "fov_axis", "focal_length", "focus_distance", "aperture_radius"],
+        };
+        self.finish(object, known)?;
         let place = object.get("to_world").map_or(&object.place, |property| &property.place);
         let (Some(forward), Some(up)) =
             (crate::math::unit_f64(matrix.z_axis), crate::math::unit_f64(matrix.y_axis))
@@ -213,6 +226,16 @@ impl Importer<'_> {
                 "give it a scale that is not zero",
             );
         }
+        if is_parallel && (matrix.y_axis.length() / matrix.x_axis.length() - 1.0).abs() > 1e-4 {
+            return fail(
+                place,
+                "the transform of the camera scales the picture differently across and upwards",
+                "pixels are square here: give x and y of its scale the same factor",
+            );
+        }
+        // Lengths in the space of a sensor of parallel rays are scaled with it.
+        let (scale, depth) =
+            if is_parallel { (matrix.x_axis.length(), matrix.z_axis.length()) } else { (1.0, 1.0) };
         let eye = to_world.translation;
         if is_lens && !(focus > 0.0) {
             return fail(&object.place, format!("a focus distance of {focus}"), "write a number above 0");
@@ -222,9 +245,8 @@ impl Importer<'_> {
             eye,
             at: eye + forward * self.view_distance(eye),
             up,
-            fov,
-            fov_axis,
-            lens: (radius > 0.0).then_some(LensDescription { radius, focus }),
+            projection,
+            lens: (radius > 0.0).then_some(LensDescription { radius: radius * scale, focus: focus * depth }),
             mirrored: matrix.determinant() < 0.0,
         });
         Ok(())

@@ -187,6 +187,45 @@ fn lathes_and_teapots() {
     }
 }
 
+/// Cameras of all types, and what is refused about each.
+#[test]
+fn cameras() {
+    let view = |text: &str| {
+        parse(&format!("unit = \"cm\"\n[camera]\neye = [0, 0, 5]\nat = [0, 0, 0]\n{text}"))
+            .map(|scene| scene.camera.unwrap())
+    };
+    let projection = |text: &str| view(text).unwrap().projection;
+    let parallel = |extent, axis| ProjectionDescription::Orthographic { extent, axis };
+    assert_eq!(projection("type = \"orthographic\"\nheight = 3"), parallel(0.03, FovAxis::Vertical));
+    assert_eq!(projection("type = \"orthographic\"\nwidth = 4"), parallel(0.04, FovAxis::Horizontal));
+    assert_eq!(projection("type = \"panorama\""), ProjectionDescription::Panorama);
+    assert_eq!(projection("type = \"fisheye\""), ProjectionDescription::Fisheye { angle: 180.0 });
+    assert_eq!(projection("type = \"fisheye\"\nfov = 220"), ProjectionDescription::Fisheye { angle: 220.0 });
+    let lens = view("sensor = [36, 24]\nfocal-length = 50\nf-number = 2").unwrap();
+    let (fov, axis) = lens.perspective().unwrap();
+    assert!((fov - 39.597_752).abs() < 1e-5 && axis == FovAxis::Sensor { aspect: 1.5 }, "{fov}");
+    assert_eq!(lens.lens.unwrap(), LensDescription { radius: 0.0125, focus: 0.05 });
+    let plain = view("focal-length = 5\nf-number = 2").unwrap();
+    assert_eq!(plain.perspective().unwrap(), (40.0, FovAxis::Vertical));
+    assert_eq!(plain.lens.unwrap().radius, 0.0125);
+    for (text, told) in [
+        ("type = \"fish\"", "one of \"perspective\", \"orthographic\", \"panorama\", \"fisheye\""),
+        ("type = \"orthographic\"", "either `width` or `height`"),
+        ("type = \"orthographic\"\nwidth = 1\nheight = 1", "either `width` or `height`"),
+        ("type = \"orthographic\"\nwidth = 1\nfov = 30", "unknown key `fov`"),
+        ("type = \"panorama\"\nlens-radius = 1", "unknown key `lens-radius`"),
+        ("type = \"fisheye\"\nfov = 361", "at most 360"),
+        ("sensor = [36, 24]", "no `focal-length`"),
+        ("sensor = [36, 24]\nfocal-length = 50\nfov = 30", "both `fov`"),
+        ("sensor = 36\nfocal-length = 50", "a list of 2 numbers"),
+        ("sensor = [36, -24]\nfocal-length = 50", "a length above zero"),
+        ("sensor = [1e300, 24]\nfocal-length = 1e-300", "field of view of 180"),
+    ] {
+        let error = view(text).unwrap_err().to_string();
+        assert!(error.contains(told), "{text}: {error}");
+    }
+}
+
 #[test]
 fn a_file_that_says_everything() {
     let scene = parse(GOOD).unwrap();
@@ -194,7 +233,7 @@ fn a_file_that_says_everything() {
     assert_eq!(scene.warnings, []);
     let camera = scene.camera.unwrap();
     assert_eq!((camera.eye, camera.up), (DVec3::new(0.0, 0.001, 0.005), DVec3::NEG_Z));
-    assert_eq!((camera.fov, camera.fov_axis), (40.5, FovAxis::Horizontal));
+    assert_eq!(camera.perspective().unwrap(), (40.5, FovAxis::Horizontal));
     assert_eq!((scene.film.width, scene.film.height, scene.film.exposure), (256, 128, Some(-1.5)));
     assert_eq!(scene.film.filter, FilterDescription::Gaussian { radius: 1.5, sigma: 0.6 });
     assert_eq!((scene.render.quality, scene.render.seed), (Some(Quality::Draft), Some(u64::MAX)));

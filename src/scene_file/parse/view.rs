@@ -16,6 +16,17 @@ const SMALLEST_UP_ANGLE: f64 = 1e-9;
 
 const FIELD_OF_VIEW: Expected =
     Expected { what: "an angle between 0 and 180 degrees", example: "40.0", holds: |x| x > 0.0 && x < 180.0 };
+const FISHEYE: Expected = Expected {
+    what: "an angle above 0, at most 360 degrees",
+    example: "180.0",
+    holds: |x| x > 0.0 && x <= 360.0,
+};
+const MILLIMETRES: Expected =
+    Expected { what: "a length above zero, in millimetres", example: "36", holds: |x| x > 0.0 };
+
+/// Default of `fov`, degrees.
+const FOV: f64 = 40.0;
+
 const FILTER_RADIUS: Expected = Expected {
     what: "a number of pixels above 0, at most 16",
     example: "1.5",
@@ -32,16 +43,36 @@ pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescr
     let context = table.context();
     let location = table.location();
     let span = table.span().clone();
+    let kinds = [
+        ("perspective", Kind::Perspective),
+        ("orthographic", Kind::Orthographic),
+        ("panorama", Kind::Panorama),
+        ("fisheye", Kind::Fisheye),
+    ];
+    let kind = table.or("type", Kind::Perspective, |value| value.choice(&kinds));
     let eye = table.required("eye", "[0.0, 1.5, 4.0]", |value| value.vector(&NUMBER));
     let at = table.required("at", "[0.0, 0.5, 0.0]", |value| value.vector(&NUMBER));
     let up_span = table.get("up").map_or(span.clone(), |value| value.span());
     let up = table.or("up", DVec3::Y, |value| value.vector(&NUMBER));
-    let fov = table.or("fov", 40.0, |value| value.number(&FIELD_OF_VIEW));
-    let axes = [("vertical", FovAxis::Vertical), ("horizontal", FovAxis::Horizontal)];
-    let fov_axis = table.or("fov-axis", FovAxis::Vertical, |value| value.choice(&axes));
-    let lens = read_lens(&mut table, eye.zip(at), unit);
+    // The other keys depend on the type.
+    let kind = kind?;
+    let (projection, lens) = match kind {
+        Kind::Perspective => {
+            let view = read_perspective(&mut table, unit);
+            let focal_length = view.and_then(|(_, focal_length)| focal_length);
+            (view.map(|(view, _)| view), read_lens(&mut table, eye.zip(at), unit, focal_length))
+        }
+        Kind::Orthographic => {
+            (read_orthographic(&mut table, unit), read_lens(&mut table, eye.zip(at), unit, None))
+        }
+        Kind::Panorama => (Some(ProjectionDescription::Panorama), Some(None)),
+        Kind::Fisheye => {
+            let angle = table.or("fov", 180.0, |value| value.number(&FISHEYE));
+            (angle.map(|angle| ProjectionDescription::Fisheye { angle }), Some(None))
+        }
+    };
     table.finish();
-    let (eye, at, up, lens) = (eye?, at?, up?, lens?);
+    let (eye, at, up, projection, lens) = (eye?, at?, up?, projection?, lens?);
     let Some(forward) = unit_f64(at - eye) else {
         let remedy = "move `at` to what should be in the middle of the picture";
         context.error(&span, "the camera's `eye` and `at` are the same point or too far apart", remedy);
@@ -56,7 +87,80 @@ pub(super) fn read_camera(mut table: Table<'_>, unit: f64) -> Option<CameraDescr
         }
     }
     let (eye, at) = (eye * unit, at * unit);
-    Some(CameraDescription { location, eye, at, up, fov: fov?, fov_axis: fov_axis?, lens, mirrored: false })
+    Some(CameraDescription { location, eye, at, up, projection, lens, mirrored: false })
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Perspective,
+    Orthographic,
+    Panorama,
+    Fisheye,
+}
+
+/// A focal length, and the metres of its unit.
+#[derive(Clone, Copy)]
+struct FocalLength {
+    length: f64,
+    unit: f64,
+}
+
+const AXES: [(&str, FovAxis); 2] = [("vertical", FovAxis::Vertical), ("horizontal", FovAxis::Horizontal)];
+
+/// Reads the field of view, from an angle or from the focal length and the sensor. Also yields the focal length, where a
+/// lens may take it.
+fn read_perspective(table: &mut Table<'_>, unit: f64) -> Option<(ProjectionDescription, Option<FocalLength>)> {
+    let fov = table.optional("fov", |value| value.number(&FIELD_OF_VIEW));
+    let axis = table.optional("fov-axis", |value| value.choice(&AXES));
+    let sensor = table.optional("sensor", |value| value.pair(&MILLIMETRES, "[36, 24]"));
+    let focal_length = table.optional("focal-length", |value| value.number(&RADIUS));
+    let (fov, axis, sensor, focal_length) = (fov?, axis?, sensor?, focal_length?);
+    let Some(sensor) = sensor else {
+        let axis = axis.unwrap_or(FovAxis::Vertical);
+        let fov = fov.unwrap_or(FOV);
+        let focal_length = focal_length.map(|length| FocalLength { length, unit });
+        return Some((ProjectionDescription::Perspective { fov, axis }, focal_length));
+    };
+    let Some(focal_length) = focal_length else {
+        return table.refuse(
+            "the camera has a `sensor` and no `focal-length`",
+            "add it, in millimetres, for example `focal-length = 50`",
+        );
+    };
+    if fov.is_some() || axis.is_some() {
+        return table.refuse(
+            "the camera has both `fov` or `fov-axis` and a `sensor`, which with `focal-length` says what is in view",
+            "leave one out",
+        );
+    }
+    let [width, height] = sensor;
+    let fov = (2.0 * (0.5 * width / focal_length).atan()).to_degrees();
+    if !(FIELD_OF_VIEW.holds)(fov) {
+        return table.refuse(
+            format!("a focal length of {focal_length} mm behind a sensor {width} mm wide is a field of view of {fov} degrees"),
+            "write both in millimetres, for example `focal-length = 50` and `sensor = [36, 24]`",
+        );
+    }
+    let axis = FovAxis::Sensor { aspect: width / height };
+    let focal_length = FocalLength { length: focal_length, unit: 1e-3 };
+    Some((ProjectionDescription::Perspective { fov, axis }, Some(focal_length)))
+}
+
+/// Reads how much parallel rays show.
+fn read_orthographic(table: &mut Table<'_>, unit: f64) -> Option<ProjectionDescription> {
+    let width = table.optional("width", |value| value.number(&RADIUS));
+    let height = table.optional("height", |value| value.number(&RADIUS));
+    let (extent, axis) = match (width?, height?) {
+        (Some(width), None) => (width, FovAxis::Horizontal),
+        (None, Some(height)) => (height, FovAxis::Vertical),
+        _ => {
+            return table.refuse(
+                "an orthographic camera needs either `width` or `height`: how much of the scene is in view",
+                "write one of them, for example `height = 2.0`; the other follows from the picture",
+            );
+        }
+    };
+    Some(ProjectionDescription::Orthographic { extent: extent * unit, axis })
 }
 
 /// Reads the lens, from its radius or from f-number and focal length. The focal plane is at `at` unless the file says otherwise.
@@ -64,16 +168,15 @@ fn read_lens(
     table: &mut Table<'_>,
     view: Option<(DVec3, DVec3)>,
     unit: f64,
+    focal_length: Option<FocalLength>,
 ) -> Option<Option<LensDescription>> {
     let radius = table.optional("lens-radius", |value| value.number(&LENS_RADIUS));
     let f_number = table.optional("f-number", |value| value.number(&RADIUS));
-    let focal_length = table.optional("focal-length", |value| value.number(&RADIUS));
     let focus = table.optional("focus-distance", |value| value.number(&RADIUS));
     let (radius, focus) = (radius?, focus?);
-    let radius = match (radius, f_number?, focal_length?) {
-        (radius, None, None) => radius,
-        // The diameter is the focal length over the f-number.
-        (None, Some(f_number), Some(focal_length)) => Some(0.5 * focal_length / f_number),
+    let radius = match (radius, f_number?, focal_length) {
+        (None, Some(f_number), Some(focal_length)) => Some(0.5 * focal_length.length / f_number * focal_length.unit),
+        (radius, None, _) => radius.map(|radius| radius * unit),
         _ => {
             return table.refuse(
                 "the camera's lens needs either `lens-radius`, or `f-number` and `focal-length` together",
@@ -89,7 +192,7 @@ fn read_lens(
         (Some(radius), focus) if radius > 0.0 => {
             let to_target = view.map_or(1.0, |(eye, at)| (at - eye).length());
             let focus = focus.unwrap_or(to_target);
-            Some(Some(LensDescription { radius: radius * unit, focus: focus * unit }))
+            Some(Some(LensDescription { radius, focus: focus * unit }))
         }
         _ => Some(None),
     }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::scene_file::description::{
-    EnvironmentLayout, FilterDescription, FovAxis, GeometryDescription, LightDescription,
+    EnvironmentLayout, FilterDescription, FovAxis, GeometryDescription, LightDescription, ProjectionDescription,
     MaterialDescription, MeshNormals,
 };
 use crate::scene_file::photon_content_hash;
@@ -57,7 +57,7 @@ fn a_whole_scene_becomes_what_it_says() {
     assert_eq!(scene.film.filter, FilterDescription::Box { radius: 0.5 });
     assert_eq!((scene.render.spp, scene.render.max_depth), (Some(64), Some(7)));
     let camera = scene.camera.unwrap();
-    assert_eq!((camera.fov, camera.fov_axis), (40.0, FovAxis::Vertical));
+    assert_eq!(camera.perspective().unwrap(), (40.0, FovAxis::Vertical));
     assert!((camera.eye - DVec3::new(0.0, 1.0, 5.0)).length() < 1e-12);
     assert!(((camera.at - camera.eye).normalize() - DVec3::NEG_Z).length() < 1e-12);
     let lens = camera.lens.unwrap();
@@ -91,6 +91,40 @@ fn the_camera_is_left_handed() {
     assert!(turned.up.y > 0.0);
 }
 
+/// Parallel rays show what the window and the scale of the camera say; a panorama begins at x of the camera, goes on over z, and has -x
+/// in its middle.
+#[test]
+fn parallel_rays_and_panoramas() {
+    use crate::scene::RenderSpace;
+    let view = |camera: &str| {
+        let text = format!(
+            "Film \"rgb\" \"integer xresolution\" 200 \"integer yresolution\" 100
+            Scale -1 1 1 Scale 0.5 0.5 0.5 LookAt 1 2 6  1 2 0  0 1 0 {camera} WorldBegin"
+        );
+        let scene = whole(&text).unwrap();
+        let view = scene.camera.unwrap();
+        let camera = view.build(&RenderSpace::fitting(DVec3::ZERO, 1.0), (scene.film.width, scene.film.height)).unwrap();
+        (view, camera)
+    };
+    // The camera's units are twice those of the world.
+    let (parallel, camera) = view("Camera \"orthographic\" \"float screenwindow\" [-3 3 -1.5 1.5]");
+    let extent = ProjectionDescription::Orthographic { extent: 12.0, axis: FovAxis::Horizontal };
+    assert_eq!(parallel.projection, extent);
+    let corner = camera.ray(glam::Vec2::ZERO);
+    let middle = camera.ray(glam::Vec2::splat(0.5));
+    assert!((middle.direction - glam::Vec3::NEG_Z).length() < 1e-6);
+    // The left of a picture that looks along -z is -x.
+    let across = (corner.origin - middle.origin) / (corner.origin - middle.origin).length();
+    assert!((across - glam::Vec3::new(-6.0, 3.0, 0.0).normalize()).length() < 1e-5, "{across}");
+    for kind in ["\"spherical\" \"string mapping\" \"equirectangular\"", "\"environment\""] {
+        let (_, camera) = view(&format!("Camera {kind}"));
+        for (x, want) in [(0.0, glam::Vec3::X), (0.25, glam::Vec3::NEG_Z), (0.5, glam::Vec3::NEG_X)] {
+            let found = camera.ray(glam::Vec2::new(x, 0.5)).direction;
+            assert!((found - want).length() < 1e-5, "{x}: {found}");
+        }
+    }
+}
+
 #[test]
 fn windows_and_crops() {
     let view = |camera: &str, film: &str| {
@@ -102,14 +136,17 @@ fn windows_and_crops() {
     };
     let half = view("\"float screenwindow\" [-1 1 -0.5 0.5]", "");
     let camera = half.camera.unwrap();
-    assert_eq!((half.film.width, half.film.crop, camera.fov_axis), (200, None, FovAxis::Horizontal));
-    assert!((camera.fov - 90.0).abs() < 1e-9);
+    assert_eq!(
+        (half.film.width, half.film.crop, camera.perspective().unwrap().1),
+        (200, None, FovAxis::Horizontal)
+    );
+    assert!((camera.perspective().unwrap().0 - 90.0).abs() < 1e-9);
     // The right half of the window of 2 x 1: a crop of a picture of the whole.
     let right = view("\"float screenwindow\" [0 1 -0.25 0.25]", "");
     assert_eq!((right.film.width, right.film.height), (400, 100));
     let crop = right.film.crop.unwrap();
     assert_eq!((crop.x0, crop.x1, crop.y0, crop.y1), (200, 400, 0, 100));
-    assert!((right.camera.unwrap().fov - 90.0).abs() < 1e-9);
+    assert!((right.camera.unwrap().perspective().unwrap().0 - 90.0).abs() < 1e-9);
     // Above the middle is the upper part.
     let above = view("\"float screenwindow\" [-1 1 0 1]", "").film;
     assert_eq!((above.height, above.crop.unwrap().y0, above.crop.unwrap().y1), (200, 0, 100));
@@ -120,7 +157,7 @@ fn windows_and_crops() {
     let tall = whole(
         "Film \"rgb\" \"integer xresolution\" 100 \"integer yresolution\" 200 Camera \"perspective\" WorldBegin",
     );
-    assert_eq!(tall.unwrap().camera.unwrap().fov_axis, FovAxis::Horizontal);
+    assert_eq!(tall.unwrap().camera.unwrap().perspective().unwrap().1, FovAxis::Horizontal);
 }
 
 /// What the film multiplies light by is applied to all light.
@@ -309,8 +346,10 @@ fn errors_tell_where_and_what_to_do() {
     }
     assert!(whole("Shape \"sphere\"").unwrap_err().contains("before WorldBegin"));
     assert!(whole("Film \"rgb\"").unwrap_err().contains("no WorldBegin"));
-    let error = whole("Camera \"orthographic\" WorldBegin").unwrap_err();
-    assert!(error.contains("`orthographic` is not modelled") && error.contains("fov"), "{error}");
+    let error = whole("Camera \"realistic\" WorldBegin").unwrap_err();
+    assert!(error.contains("`realistic` is not modelled") && error.contains("lensradius"), "{error}");
+    let error = whole("Camera \"spherical\" WorldBegin").unwrap_err();
+    assert!(error.contains("`equalarea`") && error.contains("equirectangular"), "{error}");
     let odd = scene("Shape \"sphere\" \"float wibble\" 3");
     assert!(odd.warnings.iter().any(|warning| warning.message.contains("`wibble` is not known")));
 }

@@ -9,7 +9,7 @@ use super::text::shown;
 use crate::film::PixelRect;
 use crate::math::unit_f64;
 use crate::scene_file::description::{
-    CameraDescription, FilmDescription, FilterDescription, FovAxis, LensDescription,
+    CameraDescription, FilmDescription, FilterDescription, FovAxis, LensDescription, ProjectionDescription,
 };
 use crate::scene_file::diagnostic::suggestion;
 use glam::DVec3;
@@ -266,16 +266,16 @@ impl Importer<'_> {
     pub(super) fn view(&mut self) -> Result<(), Fault> {
         let Some((object, to_camera, outside)) = self.camera.take() else { return Ok(()) };
         match object.kind.as_str() {
-            "perspective" => {}
-            "orthographic" | "environment" | "spherical" | "realistic" => {
+            "perspective" | "orthographic" | "environment" | "spherical" => {}
+            "realistic" => {
                 return fail(
                     &object.place,
-                    format!("the camera `{}` is not modelled", object.kind),
-                    "use `perspective`; from far away with a small `fov` it is nearly orthographic",
+                    "the camera `realistic` is not modelled",
+                    "use `perspective` with `lensradius` and `focaldistance`",
                 );
             }
             other => {
-                let known = suggestion(other, &["perspective"]);
+                let known = suggestion(other, &["perspective", "orthographic", "spherical"]);
                 return fail(&object.place, format!("the camera `{}` is not known", shown(other)), known);
             }
         }
@@ -297,7 +297,19 @@ impl Importer<'_> {
             self.report
                 .warn(&*object, format!("the medium `{}` around the camera is left out", shown(&outside)));
         }
-        let (fov, fov_axis) = self.window(&object)?;
+        let is_panorama = matches!(object.kind.as_str(), "environment" | "spherical");
+        let projection = match object.kind.as_str() {
+            _ if is_panorama => {
+                self.panorama(&object)?;
+                ProjectionDescription::Panorama
+            }
+            "orthographic" => {
+                let window = self.window(&object)?;
+                let extent = 2.0 * window.half_width * view.length();
+                ProjectionDescription::Orthographic { extent, axis: FovAxis::Horizontal }
+            }
+            _ => self.field_of_view(&object)?,
+        };
         let radius = object.within("lensradius", 0.0, 0.0..=1e9)?;
         let focus = object.within("focaldistance", 1e6, 1e-9..=1e12)?;
         let open = object.float_or("shutteropen", 0.0)?;
@@ -305,25 +317,54 @@ impl Importer<'_> {
         if !self.is_old && shut > open {
             self.sensor_scale *= shut - open;
         }
-        let known = ["fov", "screenwindow", "frameaspectratio", "lensradius", "focaldistance"];
-        self.finish(&object, &known)?;
+        if radius > 0.0 && object.kind == "orthographic" {
+            let message = "its lens blurs what is out of focus, and rays stay parallel on average: pbrt starts all rays at the middle";
+            self.report.warn(&*object, message);
+        }
+        if is_panorama {
+            self.ignore(&object, &["lensradius", "focaldistance"], "a panorama has no lens");
+        }
+        let known: &[&str] = match object.kind.as_str() {
+            "perspective" => &["fov", "screenwindow", "frameaspectratio", "lensradius", "focaldistance"],
+            "orthographic" => &["screenwindow", "frameaspectratio", "lensradius", "focaldistance"],
+            _ => &["mapping"],
+        };
+        self.finish(&object, known)?;
         let (eye, scale) = (to_world.translation, view.length());
+        // A panorama begins at x of the camera and goes on over z to -x, which is in its middle.
+        let (forward, is_mirrored) = match is_panorama {
+            true => (-right / scale, view.dot(right.cross(up)) < 0.0),
+            // Without a mirror, x of a camera that looks along z with y up is on the left.
+            false => (forward, to_world.matrix3.determinant() > 0.0),
+        };
         self.description.camera = Some(CameraDescription {
             location: object.place.location.clone(),
             eye,
             at: eye + forward * eye.abs().max_element().max(1.0),
             up,
-            fov,
-            fov_axis,
-            lens: (radius > 0.0).then_some(LensDescription { radius: radius * scale, focus: focus * scale }),
-            // Without a mirror, x of a camera that looks along z with y up is on the left.
-            mirrored: to_world.matrix3.determinant() > 0.0,
+            projection,
+            lens: (radius > 0.0 && !is_panorama)
+                .then_some(LensDescription { radius: radius * scale, focus: focus * scale }),
+            mirrored: is_mirrored,
         });
         Ok(())
     }
 
-    /// The field of view in degrees, and the side that it spans. A window beside the middle becomes a crop of a larger picture.
-    fn window(&mut self, object: &Object) -> Result<(f64, FovAxis), Fault> {
+    /// Reads how a panorama is laid out.
+    fn panorama(&mut self, object: &Object) -> Result<(), Fault> {
+        let mapping = object.text("mapping")?.unwrap_or("equalarea");
+        if object.kind == "spherical" && mapping != "equirectangular" {
+            return fail(
+                object.place_of("mapping"),
+                format!("the mapping `{}` of a spherical camera is not modelled", shown(mapping)),
+                "write \"string mapping\" \"equirectangular\"",
+            );
+        }
+        Ok(())
+    }
+
+    /// The field of view of a pinhole or a lens.
+    fn field_of_view(&mut self, object: &Object) -> Result<ProjectionDescription, Fault> {
         let fov = match object.float("fov")? {
             Some(fov) => fov,
             None => 2.0 * object.float_or("halffov", 45.0)?,
@@ -332,6 +373,22 @@ impl Importer<'_> {
             let message = format!("a field of view of {fov} degrees");
             return fail(object.place_of("fov"), message, "write an angle between 0 and 180");
         }
+        let Window { half_width, is_usual } = self.window(object)?;
+        let FilmDescription { width, height, .. } = self.description.film;
+        let (fov, axis) = match (is_usual, width >= height) {
+            (true, true) => (fov, FovAxis::Vertical),
+            (true, false) => (fov, FovAxis::Horizontal),
+            (false, _) => {
+                let tangent = (0.5 * fov.to_radians()).tan();
+                ((2.0 * (half_width * tangent).atan()).to_degrees(), FovAxis::Horizontal)
+            }
+        };
+        Ok(ProjectionDescription::Perspective { fov, axis })
+    }
+
+    /// The part of the plane at distance 1 that the picture shows, over the tangent of half the field of view. A window beside the middle
+    /// becomes a crop of a larger picture.
+    fn window(&mut self, object: &Object) -> Result<Window, Fault> {
         let FilmDescription { width, height, .. } = self.description.film;
         let (wide, high) = (f64::from(width), f64::from(height));
         let ratio = object.within("frameaspectratio", wide / high, 1e-4..=1e4)?;
@@ -350,7 +407,6 @@ impl Importer<'_> {
                 "write x0 x1 y0 y1, the lower numbers first",
             );
         }
-        let tangent = (0.5 * fov.to_radians()).tan();
         let (across, down) = ((x1 - x0) / wide, (y1 - y0) / high);
         if (across / down - 1.0).abs() > 1e-3 {
             self.report.warn(
@@ -358,19 +414,14 @@ impl Importer<'_> {
                 "pixels are square here: the height of its window follows from the width, and the picture is not stretched",
             );
         }
-        let angle = |half: f64| (2.0 * (half * tangent).atan()).to_degrees();
         let middle = [0.5 * (x0 + x1) / across, 0.5 * (y0 + y1) / down];
         if middle[0].abs() < 0.01 && middle[1].abs() < 0.01 {
             let is_usual = given.is_empty() && !object.has("frameaspectratio");
-            return Ok(match (is_usual, wide >= high) {
-                (true, true) => (fov, FovAxis::Vertical),
-                (true, false) => (fov, FovAxis::Horizontal),
-                (false, _) => (angle(0.5 * (x1 - x0)), FovAxis::Horizontal),
-            });
+            return Ok(Window { half_width: 0.5 * (x1 - x0), is_usual });
         }
         self.beside_the_middle(object, middle)?;
-        let half = 0.5 * f64::from(self.description.film.width) * across;
-        Ok((angle(half), FovAxis::Horizontal))
+        let half_width = 0.5 * f64::from(self.description.film.width) * across;
+        Ok(Window { half_width, is_usual: false })
     }
 
     /// Enlarges the picture so that a window with this middle (pixels to the right and up) is a crop of it.
@@ -400,6 +451,14 @@ impl Importer<'_> {
         );
         Ok(())
     }
+}
+
+/// The part of the screen that a picture shows.
+struct Window {
+    /// Half its width, where the shorter side of a usual picture has 1.
+    half_width: f64,
+    /// Whether it is the usual one.
+    is_usual: bool,
 }
 
 /// How much three axes differ from such of one length at right angles, as a share.
