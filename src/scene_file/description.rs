@@ -314,11 +314,39 @@ pub struct MaterialLook {
     pub bump: Option<(usize, f64)>,
 }
 
+/// How much light a surface emits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Emitted {
+    /// Radiance, W/(m^2 sr).
+    Radiance(DVec3),
+    /// Power of all of the shape, both sides together where both emit, W.
+    Power(DVec3),
+}
+
+impl Emitted {
+    /// Radiance, W/(m^2 sr), of a surface of this `area` on all `sides` that emit, m^2.
+    pub fn radiance(self, area: f64) -> DVec3 {
+        match self {
+            Self::Radiance(radiance) => radiance,
+            Self::Power(power) => power / (std::f64::consts::PI * area),
+        }
+    }
+
+    /// The same multiplied by a factor.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        match self {
+            Self::Radiance(radiance) => Self::Radiance(radiance * factor),
+            Self::Power(power) => Self::Power(power * factor),
+        }
+    }
+}
+
 /// Light that a surface emits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionDescription {
-    /// Radiance, W/(m^2 sr), constant over surface and directions.
-    pub radiance: DVec3,
+    /// How much; constant over surface and directions.
+    pub emitted: Emitted,
     /// Whether both sides emit; otherwise only the side of the normal.
     pub two_sided: bool,
     /// Factor on the light's share of the photons, relative to other lights of the same flux.

@@ -3,6 +3,7 @@
 
 mod build;
 mod camera;
+mod colour_text;
 mod colours;
 mod description;
 mod diagnostic;

@@ -4,6 +4,7 @@
 //! table before it gives up, and all errors of a file are found in one pass. A [`Table`] remembers which keys were asked for: a
 //! key that is left over when the table is [finished](Table::finish) is unknown and refused.
 
+use super::colour_text::{NoColour, colour_of};
 use super::description::{Location, SceneWarning};
 use super::diagnostic::{Diagnostic, SceneFileError, SourceText, meant, suggestion};
 use super::parameters::Parameters;
@@ -358,13 +359,28 @@ impl<'a> Value<'a> {
         Some([numbers[0]?, numbers[1]?])
     }
 
-    /// A colour: three numbers for red, green and blue, or one for all.
+    /// A colour: three numbers for red, green and blue, one for all, or a text ([`colour_of`]).
     pub(super) fn colour(&self, expected: &Expected) -> Option<DVec3> {
         match self.value.get_ref() {
-            DeValue::Array(_) => self.vector(expected),
             DeValue::Table(_) | DeValue::Boolean(_) | DeValue::Datetime(_) => {
                 self.refuse_with_example("a number or a list [red, green, blue]", "[0.8, 0.5, 0.2]")
             }
+            DeValue::String(_) if self.as_f64().is_none() => {
+                let text = self.string()?;
+                match colour_of(&text) {
+                    Ok(colour) if colour.to_array().into_iter().all(expected.holds) => Some(colour),
+                    Ok(_) => self.refuse(expected.what, "all three components count"),
+                    Err(NoColour { expected, example }) => self.refuse_with_example(expected, example),
+                }
+            }
+            _ => self.numbers(expected),
+        }
+    }
+
+    /// Three numbers, or one for all.
+    pub(super) fn numbers(&self, expected: &Expected) -> Option<DVec3> {
+        match self.value.get_ref() {
+            DeValue::Array(_) => self.vector(expected),
             _ => self.number(expected).map(DVec3::splat),
         }
     }

@@ -1,8 +1,8 @@
 //! Models that are rooms: detection, a camera inside, and an added light.
 
 use super::description::{
-    CameraDescription, EmissionDescription, FovAxis, GeometryDescription, LightDescription, Location,
-    MaterialDescription, Named, ProjectionDescription, SceneDescription, ShapeDescription,
+    CameraDescription, EmissionDescription, Emitted, FovAxis, GeometryDescription, LightDescription,
+    Location, MaterialDescription, Named, ProjectionDescription, SceneDescription, ShapeDescription,
 };
 use super::enclosure::{Surroundings, Triangles};
 use crate::math::{Bounds3, Rgb};
@@ -276,7 +276,11 @@ pub(super) fn add_lamp(
     radiance: f64,
     location: &Location,
 ) {
-    let emission = EmissionDescription { radiance: DVec3::splat(radiance), two_sided: false, photons: 1.0 };
+    let emission = EmissionDescription {
+        emitted: Emitted::Radiance(DVec3::splat(radiance)),
+        two_sided: false,
+        photons: 1.0,
+    };
     let black = add_material(description, "lamp", 0.0, location);
     let quad = GeometryDescription::Quad { corner, edge_u, edge_v };
     add_shape(description, name, quad, (black, Some(emission)), location);

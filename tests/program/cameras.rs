@@ -132,12 +132,13 @@ fn spheres_have_their_size() {
     }
 }
 
-/// An even environment is even in all directions, and black outside the disc of a fisheye.
+/// An even environment is even in all directions, in a mirror too, and black outside the disc of a fisheye.
 #[test]
 fn an_even_environment() {
     let text = |kind: &str| {
         format!(
-            "[camera]\ntype = \"{kind}\"\neye = [1, 2, 3]\nat = [0, 0, 0]\n[[lights]]\ntype = \"environment\"\nradiance = 2.0\n"
+            "[camera]\ntype = \"{kind}\"\neye = [1, 2, 3]\nat = [0, 0, 0]\n[materials.mirror]\ntype = \"mirror\"
+            [[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"mirror\"\n[[lights]]\ntype = \"environment\"\nradiance = 2.0\n"
         )
     };
     for kind in KINDS {

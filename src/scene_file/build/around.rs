@@ -5,9 +5,9 @@ use super::place::{choose_normals, similarity};
 use super::{BuildError, BuildProblem, begin_reading, error_of};
 use crate::observer::Observer;
 use crate::scene_file::description::{
-    CameraDescription, DensityDescription, FitDescription, FitMoves, GeometryDescription, LightDescription,
-    Named, NoiseDescription, ProfileBrightness, ProjectionDescription, SceneDescription, SceneWarning,
-    ShapeDescription,
+    CameraDescription, DensityDescription, Emitted, FitDescription, FitMoves, GeometryDescription,
+    LightDescription, Named, NoiseDescription, ProfileBrightness, ProjectionDescription, SceneDescription,
+    SceneWarning, ShapeDescription,
 };
 use crate::scene_file::enclosure::Triangles;
 use crate::scene_file::mesh::{MeshReport, TriangleMesh};
@@ -227,6 +227,15 @@ fn move_scene(scene: &mut SceneDescription, by: &DAffine3, scale: f64, kept: &[b
         }
     }
     let area = scale * scale;
+    for (shape, kept) in scene.shapes.iter_mut().zip(kept) {
+        let is_moved = shape.value.group.map_or(!kept, |group| !is_kept_group[group]);
+        if let Some(emission) = &mut shape.value.emission
+            && let Emitted::Power(power) = emission.emitted
+            && is_moved
+        {
+            emission.emitted = Emitted::Power(power * area);
+        }
+    }
     for light in &mut scene.lights {
         match &mut light.value {
             LightDescription::Point { position, intensity } => {

@@ -321,6 +321,15 @@ struct Emitter {
     flip: bool,
 }
 
+impl Emitter {
+    /// Radiance, W/(m^2 sr).
+    fn radiance(&self, space: &RenderSpace) -> DVec3 {
+        let area: f64 = self.pieces.iter().map(EmitterShape::area).sum();
+        let sides = if self.emission.two_sided { 2.0 } else { 1.0 };
+        self.emission.emitted.radiance(sides * area / (space.scale * space.scale))
+    }
+}
+
 /// The parts of the top-level scene.
 #[derive(Default)]
 struct Assembly {
@@ -791,7 +800,7 @@ impl Assembly {
         for emitter in &self.emitters {
             let area: f64 = emitter.pieces.iter().map(EmitterShape::area).sum();
             let sides = if emitter.emission.two_sided { 2.0 } else { 1.0 };
-            total += emitter.emission.radiance * (std::f64::consts::PI * area * sides);
+            total += emitter.radiance(space) * (std::f64::consts::PI * area * sides);
         }
         for light in lights {
             total += light.flux(space, radius);
@@ -808,7 +817,7 @@ impl Assembly {
     ) -> Result<Vec<(Light, LightNote)>, BuildError> {
         let scaled = |colour: DVec3| (colour * space.power).as_vec3();
         let areas = self.emitters.iter().map(|emitter| {
-            let radiance = scaled(emitter.emission.radiance);
+            let radiance = scaled(emitter.radiance(space));
             let note = LightNote {
                 name: self.surfaces[emitter.surface].name.clone(),
                 photons: emitter.emission.photons as f32,

@@ -6,8 +6,8 @@ use crate::image_io::{Image, ImageError, Layer};
 use crate::observer::Observer;
 use crate::scene::{Coverage, LayeredMaterial};
 use crate::scene_file::description::{
-    EmissionDescription, GeometryDescription, MaterialDescription, MediumDescription, MeshNormals, Named,
-    SceneDescription, SceneWarning, ShapeDescription,
+    EmissionDescription, Emitted, GeometryDescription, MaterialDescription, MediumDescription, MeshNormals,
+    Named, SceneDescription, SceneWarning, ShapeDescription,
 };
 use crate::scene_file::mesh::{MeshReport, TriangleMesh};
 use crate::scene_file::obj::{
@@ -384,7 +384,7 @@ fn add_materials(
             Look { slot, is_coloured, is_cut: material.cutout.is_some() },
         );
         let emission = (material.emission != Vec3::ZERO).then(|| EmissionDescription {
-            radiance: material.emission.as_dvec3(),
+            emitted: Emitted::Radiance(material.emission.as_dvec3()),
             two_sided: false,
             photons: 1.0,
         });

@@ -31,9 +31,9 @@ use self::primitives::{Deformation, PrimitiveReport, ReadPrimitive};
 use self::solid::{Closure, closure_of};
 use self::stage::Wishes;
 use super::description::{
-    EmissionDescription, FilmDescription, FilterDescription, GeometryDescription, InstanceDescription,
-    Location, MaterialDescription, MediumDescription, Named, SceneDescription, SceneWarning,
-    ShapeDescription,
+    EmissionDescription, Emitted, FilmDescription, FilterDescription, GeometryDescription,
+    InstanceDescription, Location, MaterialDescription, MediumDescription, Named, SceneDescription,
+    SceneWarning, ShapeDescription,
 };
 use super::diagnostic::suggestion;
 use super::room::Choice;
@@ -502,8 +502,11 @@ impl Loader<'_> {
                     }
                 }
                 let (two_sided, photons) = (material.two_sided, 1.0);
-                let emission =
-                    material.emission.map(|radiance| EmissionDescription { radiance, two_sided, photons });
+                let emission = material.emission.map(|radiance| EmissionDescription {
+                    emitted: Emitted::Radiance(radiance),
+                    two_sided,
+                    photons,
+                });
                 self.description.shapes.push(Named {
                     name: object,
                     location: location.clone(),

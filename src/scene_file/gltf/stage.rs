@@ -76,14 +76,13 @@ fn emitted_flux(description: &SceneDescription) -> f64 {
         };
         let mean = picture.map_or(DVec3::ONE, |slot| slot.texture.mean().truncate().as_dvec3());
         let sides = if emission.two_sided { 2.0 } else { 1.0 };
-        let radiosity = sides * PI * (emission.radiance * mean).max_element();
         for transform in placements(description, &shape.value) {
             let area: f64 = mesh.triangles.iter().fold(0.0, |area, &triangle| {
                 let [a, b, c] =
                     mesh.positions.corners(triangle).map(|corner| transform.transform_point3(corner));
                 area + 0.5 * (b - a).cross(c - a).length()
             });
-            flux += radiosity * area;
+            flux += sides * PI * area * (emission.emitted.radiance(sides * area) * mean).max_element();
         }
     }
     flux

@@ -669,7 +669,7 @@ fn materials_keep_their_factors_and_units() {
     let medium = &found.media[1].value;
     let [none, half, _] = (medium.absorption * -2.0).exp().to_array();
     assert!((none - 1.0).abs() < 1e-12 && (half - 0.5).abs() < 1e-12 && medium.ior == 1.75);
-    let radiance = found.shapes[0].value.emission.unwrap().radiance;
+    let radiance = found.shapes[0].value.emission.unwrap().emitted.radiance(1.0);
     assert!((radiance - DVec3::new(1.0, 0.5, 0.0)).length() < 1e-9, "{radiance}");
     // Without a thickness the wall is thin, and there is no medium.
     let mut thin = value.clone();

@@ -197,7 +197,7 @@ fn pictures_lie_on_meshes_with_coordinates() {
         "<shape type=\"rectangle\"><emitter type=\"area\">{}</emitter></shape>",
         bitmap("radiance", "")
     ));
-    assert_eq!(glow.shapes[0].value.emission.unwrap().radiance, DVec3::ONE);
+    assert_eq!(glow.shapes[0].value.emission.unwrap().emitted.radiance(1.0), DVec3::ONE);
     let MaterialDescription::Layered { material, .. } = &glow.materials[glow.shapes[0].value.material].value
     else {
         panic!()

@@ -15,8 +15,8 @@ use super::value::{Object, Value};
 use crate::media::{Coefficients, Phase};
 use crate::scene_file::MeshReading;
 use crate::scene_file::description::{
-    EmissionDescription, GeometryDescription, InstanceDescription, MeshNormals, Named, ShapeDescription,
-    VolumeDescription,
+    EmissionDescription, Emitted, GeometryDescription, InstanceDescription, MeshNormals, Named,
+    ShapeDescription, VolumeDescription,
 };
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::obj::read_obj_with;
@@ -130,7 +130,7 @@ impl Importer<'_> {
         let look = Look { bsdf: &*bsdf, surface: &surface, fillings: [inside, Filling::default()], glow };
         let geometry = self.building().geometry(&**object, &look, (form, &to_world), &mut finished, needs);
         let emission = emission.map(|(radiance, _)| EmissionDescription {
-            radiance: radiance.tint(),
+            emitted: Emitted::Radiance(radiance.tint()),
             two_sided: false,
             photons: 1.0,
         });

@@ -5,7 +5,8 @@ use crate::lights::{EnvironmentLight, EnvironmentMap};
 use crate::math::Rgb;
 use crate::sampling::square_to_direction;
 use crate::scene_file::description::{
-    FilterDescription, FovAxis, GeometryDescription, LightDescription, MaterialDescription, MeshNormals, ProjectionDescription,
+    FilterDescription, FovAxis, GeometryDescription, LightDescription, MaterialDescription, MeshNormals,
+    ProjectionDescription,
 };
 use crate::scene_file::photon_content_hash;
 use glam::{DMat3, DVec3, Vec3};
@@ -76,7 +77,7 @@ fn a_whole_scene_becomes_what_it_says() {
     };
     assert!(reflectance == Rgb::new(0.8, 0.1, 0.2) && !two_sided);
     assert!(matches!(scene.shapes[0].value.geometry, GeometryDescription::Sphere { radius: 0.5, .. }));
-    assert_eq!(scene.shapes[1].value.emission.unwrap().radiance, DVec3::new(17.0, 12.0, 4.0));
+    assert_eq!(scene.shapes[1].value.emission.unwrap().emitted.radiance(1.0), DVec3::new(17.0, 12.0, 4.0));
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
     assert!(scene.notes.iter().all(|note| note.location.line > 0), "{:?}", scene.notes);
 }

@@ -1,5 +1,6 @@
 //! `[[lights]]`: lights without a surface.
 
+use super::brightness::{lumens, read_brightness, watts};
 use super::names::Names;
 use super::read_name;
 use crate::files::open_regular;
@@ -81,8 +82,11 @@ fn read_light(mut table: Table<'_>, unit: f64) -> Option<LightDescription> {
         }
         Kind::Directional => {
             let direction = table.required("direction", "[0.0, -1.0, 0.0]", read_direction);
-            let irradiance =
-                table.required("irradiance", "[3.0, 3.0, 3.0]", |value| value.colour(&NON_NEGATIVE));
+            let measures = [watts("irradiance", ()), lumens("lux", ())];
+            let irradiance = match read_brightness(&mut table, &measures) {
+                Some(None) => table.required("irradiance", "[3.0, 3.0, 3.0]", |_| None),
+                found => found.flatten().map(|(irradiance, ())| irradiance),
+            };
             direction
                 .zip(irradiance)
                 .map(|(direction, irradiance)| LightDescription::Directional { direction, irradiance })
@@ -121,7 +125,11 @@ fn read_file(value: Value<'_>) -> Option<PathBuf> {
 /// A constant radiance or an environment map.
 fn read_environment(table: &mut Table<'_>) -> Option<LightDescription> {
     let Some(image) = table.get("image") else {
-        let radiance = table.required("radiance", "[1.0, 1.0, 1.0]", |value| value.colour(&NON_NEGATIVE));
+        let measures = [watts("radiance", ()), lumens("nits", ())];
+        let radiance = match read_brightness(table, &measures) {
+            Some(None) => table.required("radiance", "[1.0, 1.0, 1.0]", |_| None),
+            found => found.flatten().map(|(radiance, ())| radiance),
+        };
         return radiance.map(|radiance| LightDescription::Environment { radiance });
     };
     let image = read_file(image);
@@ -206,18 +214,12 @@ fn read_profile(table: &mut Table<'_>, unit: f64) -> Option<LightDescription> {
     let file = table.required("file", "\"lamp.ies\"", read_file);
     let direction = table.or("direction", DVec3::NEG_Y, read_direction);
     let along = table.optional("along", read_direction);
-    let brightness = match (table.get("scale"), table.get("power")) {
-        (Some(_), Some(power)) => {
-            let message = format!("{} has both `scale` and `power`", table.title());
-            table.context().error(&power.span(), message, "leave one of them out");
-            None
-        }
-        (None, Some(power)) => power.colour(&NON_NEGATIVE).map(ProfileBrightness::Power),
-        (scale, None) => {
-            let scale = scale.map_or(Some(DVec3::ONE), |value| value.colour(&NON_NEGATIVE));
-            scale.map(|scale| ProfileBrightness::PerCandela(scale * PER_CANDELA))
-        }
-    };
+    let measures = [watts("scale", false), watts("power", true), lumens("lumens", true)];
+    let brightness = read_brightness(table, &measures).map(|found| match found {
+        None => ProfileBrightness::PerCandela(DVec3::splat(PER_CANDELA)),
+        Some((scale, false)) => ProfileBrightness::PerCandela(scale * PER_CANDELA),
+        Some((power, true)) => ProfileBrightness::Power(power),
+    });
     let (direction, along) = (direction?, along?);
     let towards = direction.normalize();
     let along = match along {
@@ -241,20 +243,16 @@ fn read_profile(table: &mut Table<'_>, unit: f64) -> Option<LightDescription> {
     })
 }
 
-/// Radiant intensity (W/sr) of a light at a point. The file gives it directly, or as power (W), which is `flux` times the
-/// intensity.
+/// Radiant intensity (W/sr) of a light at a point. The file gives it directly, in W/sr or in candela, or as power in W or lumens, which is
+/// `flux` times the intensity.
 fn read_intensity(table: &mut Table<'_>, flux: f64) -> Option<DVec3> {
-    match (table.get("intensity"), table.get("power")) {
-        (Some(intensity), None) => intensity.colour(&NON_NEGATIVE),
-        (None, Some(power)) => power.colour(&NON_NEGATIVE).map(|power| power / flux),
-        (Some(_), Some(power)) => {
-            let message = format!("{} has both `intensity` and `power`", table.title());
-            table.context().error(&power.span(), message, "leave one of them out");
-            None
-        }
-        (None, None) => table.refuse(
+    let measures =
+        [watts("intensity", 1.0), watts("power", flux), lumens("candela", 1.0), lumens("lumens", flux)];
+    match read_brightness(table, &measures)? {
+        Some((amount, factor)) => Some(amount / factor),
+        None => table.refuse(
             format!("{} does not say how bright it is", table.title()),
-            "add `power = [..]` (W) or `intensity = [..]` (W/sr)",
+            "add `power = [..]` (W), `intensity = [..]` (W/sr), `lumens` or `candela`",
         ),
     }
 }

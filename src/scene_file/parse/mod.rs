@@ -1,5 +1,6 @@
 //! Parses the text of a scene file to a [`SceneDescription`]. The format is described in `docs/scene-format.md`.
 
+mod brightness;
 mod density;
 mod generate;
 mod glossy;

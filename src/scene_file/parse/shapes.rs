@@ -1,5 +1,6 @@
 //! `[[shapes]]` and `[[instances]]`.
 
+use super::brightness::{Measure, lumens, read_brightness, watts};
 use super::generate::{read_city, read_lathe, read_teapot};
 use super::names::Names;
 use super::objects::{Body, read_csg, read_flake, read_solid, read_terrain};
@@ -10,7 +11,7 @@ use crate::scene::IlluminationKernel;
 use crate::scene_file::description::*;
 use crate::scene_file::mesh::is_degenerate;
 use crate::scene_file::polygon::triangulate_polygon;
-use crate::scene_file::reader::{NON_NEGATIVE, NUMBER, POSITIVE, SHARE, Table, Value};
+use crate::scene_file::reader::{NUMBER, POSITIVE, SHARE, Table, Value};
 use crate::scene_file::{Choice, is_gltf_file, is_mesh_file};
 use glam::{DAffine3, DVec3};
 use std::path::PathBuf;
@@ -158,6 +159,21 @@ fn read_shape(
             "let a mesh, quad, sphere, cylinder or disc emit",
         );
     }
+    let is_split = match &geometry {
+        Some(GeometryDescription::MeshFile { own_materials, path, .. }) => {
+            *own_materials || is_gltf_file(path)
+        }
+        _ => false,
+    };
+    if is_split && matches!(emission, Some(Some(EmissionDescription { emitted: Emitted::Power(_), .. }))) {
+        table.refuse::<()>(
+            format!(
+                "the parts of {}, which come from its file, would each emit all of its power",
+                table.title()
+            ),
+            "give `radiance` or `nits`",
+        );
+    }
     let is_round = matches!(kind, Kind::Sphere | Kind::Cylinder | Kind::Disc);
     let emits = matches!(emission, Some(Some(_)));
     if is_round && emits && transform.is_some_and(|transform| !is_similarity(&transform)) {
@@ -218,11 +234,20 @@ fn read_illumination(value: Value<'_>) -> Option<Option<IlluminationDescription>
 fn read_emission(value: Value<'_>) -> Option<EmissionDescription> {
     let mut table =
         value.table("`emission`", "write for example `emission = { radiance = [10.0, 9.0, 8.0] }`")?;
-    let radiance = table.required("radiance", "[10.0, 9.0, 8.0]", |value| value.colour(&NON_NEGATIVE));
+    let measures: [Measure<fn(DVec3) -> Emitted>; 4] = [
+        watts("radiance", Emitted::Radiance),
+        watts("power", Emitted::Power),
+        lumens("nits", Emitted::Radiance),
+        lumens("lumens", Emitted::Power),
+    ];
+    let emitted = match read_brightness(&mut table, &measures) {
+        Some(None) => table.required("radiance", "[10.0, 9.0, 8.0]", |_| None),
+        found => found.flatten().map(|(amount, of)| of(amount)),
+    };
     let two_sided = table.or("two-sided", false, |value| value.boolean());
     let photons = table.or("photons", 1.0, |value| value.number(&SHARE));
     table.finish();
-    Some(EmissionDescription { radiance: radiance?, two_sided: two_sided?, photons: photons? })
+    Some(EmissionDescription { emitted: emitted?, two_sided: two_sided?, photons: photons? })
 }
 
 pub(super) fn read_point(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {

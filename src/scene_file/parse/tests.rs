@@ -191,7 +191,7 @@ fn lathes_and_teapots() {
 #[test]
 fn cameras() {
     let view = |text: &str| {
-        parse(&format!("unit = \"cm\"\n[camera]\neye = [0, 0, 5]\nat = [0, 0, 0]\n{text}"))
+        parse(&format!("unit = \"cm\"\n[camera]\neye = [0, 0, 5]\nat = [0, 0, 0]\n{text}\n{WHITE}{BALL}"))
             .map(|scene| scene.camera.unwrap())
     };
     let projection = |text: &str| view(text).unwrap().projection;

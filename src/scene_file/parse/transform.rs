@@ -73,7 +73,7 @@ fn read_step(value: Value<'_>) -> Option<DAffine3> {
             let axis = step.required("axis", "[0.0, 1.0, 0.0]", read_axis);
             degrees.zip(axis).map(|(degrees, axis)| DAffine3::from_mat3(rotation(axis, degrees)))
         }
-        (None, None, Some(by), None) => by.colour(&NOT_ZERO).map(DAffine3::from_scale),
+        (None, None, Some(by), None) => by.numbers(&NOT_ZERO).map(DAffine3::from_scale),
         (None, None, None, Some(rows)) => read_matrix(rows),
         _ => {
             let remedy = "each step is one of `translate`, `rotate` (with `axis`), `scale`, `matrix`";

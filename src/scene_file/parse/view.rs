@@ -109,7 +109,10 @@ const AXES: [(&str, FovAxis); 2] = [("vertical", FovAxis::Vertical), ("horizonta
 
 /// Reads the field of view, from an angle or from the focal length and the sensor. Also yields the focal length, where a
 /// lens may take it.
-fn read_perspective(table: &mut Table<'_>, unit: f64) -> Option<(ProjectionDescription, Option<FocalLength>)> {
+fn read_perspective(
+    table: &mut Table<'_>,
+    unit: f64,
+) -> Option<(ProjectionDescription, Option<FocalLength>)> {
     let fov = table.optional("fov", |value| value.number(&FIELD_OF_VIEW));
     let axis = table.optional("fov-axis", |value| value.choice(&AXES));
     let sensor = table.optional("sensor", |value| value.pair(&MILLIMETRES, "[36, 24]"));
@@ -175,7 +178,9 @@ fn read_lens(
     let focus = table.optional("focus-distance", |value| value.number(&RADIUS));
     let (radius, focus) = (radius?, focus?);
     let radius = match (radius, f_number?, focal_length) {
-        (None, Some(f_number), Some(focal_length)) => Some(0.5 * focal_length.length / f_number * focal_length.unit),
+        (None, Some(f_number), Some(focal_length)) => {
+            Some(0.5 * focal_length.length / f_number * focal_length.unit)
+        }
         (radius, None, _) => radius.map(|radius| radius * unit),
         _ => {
             return table.refuse(

@@ -302,7 +302,7 @@ impl<'a> Importer<'a> {
         }
         for shape in &mut self.description.shapes {
             if let Some(emission) = &mut shape.value.emission {
-                emission.radiance *= factor;
+                emission.emitted = emission.emitted.times(factor);
             }
         }
         for volume in self.description.media.iter_mut().filter_map(|medium| medium.value.volume.as_mut()) {

@@ -15,7 +15,7 @@ use super::text::shown;
 use super::texture::{Curve, from_below};
 use crate::scene_file::MeshReading;
 use crate::scene_file::description::{
-    EmissionDescription, GeometryDescription, MeshNormals, Named, ShapeDescription,
+    EmissionDescription, Emitted, GeometryDescription, MeshNormals, Named, ShapeDescription,
 };
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::mesh_size::mesh_size;
@@ -230,7 +230,9 @@ impl Importer<'_> {
         to_world: &DAffine3,
     ) -> Vec<(Form, Option<EmissionDescription>)> {
         let Some(Emission { radiance, two_sided, power, .. }) = emission else { return vec![(form, None)] };
-        let of = |radiance: DVec3| Some(EmissionDescription { radiance, two_sided, photons: 1.0 });
+        let of = |radiance: DVec3| {
+            Some(EmissionDescription { emitted: Emitted::Radiance(radiance), two_sided, photons: 1.0 })
+        };
         let Some(power) = power else { return vec![(form, of(radiance))] };
         let triangles = match form {
             Form::Mesh { mesh, .. } if matches!(object.kind.as_str(), "trianglemesh" | "plymesh") => mesh,

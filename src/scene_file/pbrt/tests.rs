@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::scene_file::description::{
-    EnvironmentLayout, FilterDescription, FovAxis, GeometryDescription, LightDescription, ProjectionDescription,
-    MaterialDescription, MeshNormals,
+    EnvironmentLayout, FilterDescription, FovAxis, GeometryDescription, LightDescription,
+    MaterialDescription, MeshNormals, ProjectionDescription,
 };
 use crate::scene_file::photon_content_hash;
 use flate2::Compression;
@@ -70,7 +70,7 @@ fn a_whole_scene_becomes_what_it_says() {
     assert!((reflectance - glam::Vec3::new(0.8, 0.1, 0.2)).length() < 1e-6 && two_sided);
     assert!(matches!(ball.value.geometry, GeometryDescription::Sphere { radius: 0.5, .. }));
     assert_eq!(ball.value.transform.translation, DVec3::new(1.0, 2.0, 3.0));
-    assert_eq!(lamp.value.emission.unwrap().radiance, DVec3::new(34.0, 24.0, 8.0));
+    assert_eq!(lamp.value.emission.unwrap().emitted.radiance(1.0), DVec3::new(34.0, 24.0, 8.0));
     assert!(!lamp.value.emission.unwrap().two_sided && lamp.value.transform == DAffine3::IDENTITY);
     assert!(matches!(scene.lights[0].value, LightDescription::Environment { .. }));
     assert!(scene.warnings.is_empty(), "{:?}", scene.warnings);
@@ -103,7 +103,9 @@ fn parallel_rays_and_panoramas() {
         );
         let scene = whole(&text).unwrap();
         let view = scene.camera.unwrap();
-        let camera = view.build(&RenderSpace::fitting(DVec3::ZERO, 1.0), (scene.film.width, scene.film.height)).unwrap();
+        let camera = view
+            .build(&RenderSpace::fitting(DVec3::ZERO, 1.0), (scene.film.width, scene.film.height))
+            .unwrap();
         (view, camera)
     };
     // The camera's units are twice those of the world.
@@ -173,7 +175,7 @@ fn sensitivity_and_exposure_scale_light() {
         whole(&text("\"float iso\" 200", "\"float shutteropen\" 0 \"float shutterclose\" 0.25")).unwrap();
     let LightDescription::Point { intensity, .. } = scene.lights[0].value else { panic!() };
     assert_eq!(intensity, DVec3::new(0.5, 1.0, 1.5));
-    assert_eq!(scene.shapes[0].value.emission.unwrap().radiance, DVec3::splat(2.0));
+    assert_eq!(scene.shapes[0].value.emission.unwrap().emitted.radiance(1.0), DVec3::splat(2.0));
     assert!(scene.notes.iter().any(|note| note.message.contains("multiplied by 0.5")));
     assert!(!whole(&text("", "")).unwrap().notes.iter().any(|note| note.message.contains("multiplied")));
 }
@@ -452,16 +454,16 @@ fn lights_shine_as_in_pbrt() {
         "AreaLightSource \"diffuse\" \"float power\" 10 Scale 2 2 2 Shape \"trianglemesh\"
         \"point3 P\" [0 0 0 1 0 0 1 1 0 0 1 0] \"integer indices\" [0 1 2 0 2 3]",
     );
-    let radiance = lamp.shapes[0].value.emission.unwrap().radiance;
+    let radiance = lamp.shapes[0].value.emission.unwrap().emitted.radiance(1.0);
     assert!((radiance - 10.0 / (PI * 2.0)).length() < 1e-9, "{radiance}");
     let uneven = scene(
         "AreaLightSource \"diffuse\" \"float power\" 10 \"bool twosided\" true Shape \"trianglemesh\"
         \"point3 P\" [0 0 0 1 0 0 0 1 0 5 0 0] \"integer indices\" [0 1 2 0 3 2]",
     );
-    let of = |i: usize| uneven.shapes[i].value.emission.unwrap().radiance.x;
+    let of = |i: usize| uneven.shapes[i].value.emission.unwrap().emitted.radiance(1.0).x;
     assert!((of(0) - 10.0 / PI).abs() < 1e-9 && (of(1) - 2.0 / PI).abs() < 1e-9, "{} {}", of(0), of(1));
     let ball = scene("AreaLightSource \"diffuse\" \"float power\" 10 Scale 2 2 2 Shape \"sphere\"");
-    let radiance = ball.shapes[0].value.emission.unwrap().radiance.x;
+    let radiance = ball.shapes[0].value.emission.unwrap().emitted.radiance(1.0).x;
     assert!((radiance - 10.0 / (PI * 16.0 * PI)).abs() < 1e-12);
 }
 
