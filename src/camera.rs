@@ -180,7 +180,7 @@ impl Camera {
     /// Whether a position of the picture shows anything: the corners outside the disc of a fisheye are black.
     pub fn shows(&self, position: Vec2) -> bool {
         match self.projection {
-            Projection::Fisheye { .. } => self.from_middle(position).length_squared() <= 1.0,
+            Projection::Fisheye { .. } => self.disc_offset(position).length_squared() <= 1.0,
             Projection::Perspective | Projection::Orthographic | Projection::Equirectangular => true,
         }
     }
@@ -223,7 +223,7 @@ impl Camera {
     }
 
     /// From the middle of the disc of a fisheye to a position, to the right and up, over its radius.
-    fn from_middle(&self, position: Vec2) -> DVec2 {
+    fn disc_offset(&self, position: Vec2) -> DVec2 {
         let (x, y) = Self::centred(position);
         DVec2::new(x * self.aspect.max(1.0), y / self.aspect.min(1.0))
     }
@@ -239,7 +239,7 @@ impl Camera {
                 (self.forward * cos + self.right * sin) * level + self.up * height
             }
             Projection::Fisheye { half } => {
-                let from_middle = self.from_middle(position);
+                let from_middle = self.disc_offset(position);
                 let radius = from_middle.length();
                 if radius == 0.0 {
                     return self.forward;

@@ -200,7 +200,7 @@ mod tests {
             (point("candela = 1\nintensity = 2"), "has both `intensity` and `candela`"),
             (point("lux = 1"), "unknown key `lux`"),
             (
-                "[[shapes]]\ntype = \"mesh\"\nfile = \"a.glb\"\nmaterials = \"file\"\nemission = { lumens = 1 }\n".to_owned(),
+                "[[shapes]]\ntype = \"mesh\"\nfile = \"scenes/meshes/cube.gltf\"\nmaterials = \"file\"\nemission = { lumens = 1 }\n".to_owned(),
                 "give `radiance` or `nits`",
             ),
             (

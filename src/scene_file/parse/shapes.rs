@@ -234,7 +234,8 @@ fn read_illumination(value: Value<'_>) -> Option<Option<IlluminationDescription>
 fn read_emission(value: Value<'_>) -> Option<EmissionDescription> {
     let mut table =
         value.table("`emission`", "write for example `emission = { radiance = [10.0, 9.0, 8.0] }`")?;
-    let measures: [Measure<fn(DVec3) -> Emitted>; 4] = [
+    type Made = fn(DVec3) -> Emitted;
+    let measures: [Measure<Made>; 4] = [
         watts("radiance", Emitted::Radiance),
         watts("power", Emitted::Power),
         lumens("nits", Emitted::Radiance),
