@@ -153,7 +153,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             ("glass".to_owned(), glass),
         ],
         textures: Vec::new(),
-        pixel: 0.0,
+        pixel: cardioid::camera::PixelSpread::default(),
         media: vec![medium("air", 1.0, 1), medium("inside", 1.5, 0)],
         lights: vec![Light::Area(light)],
         space: RenderSpace::fitting(DVec3::ZERO, 0.99),
