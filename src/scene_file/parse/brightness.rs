@@ -215,6 +215,6 @@ mod tests {
             scene(&format!("[materials.m]\ntype = \"lambert\"\nreflectance = {colour}\n"))
                 .map(|scene| scene.materials.len())
         };
-        assert_eq!((material("\"#c08040\""), material("\"2700 K\"")), (Ok(1), Ok(1)));
+        assert_eq!((material("\"#c08040\""), material("\"2700 K\"")), (Ok(2), Ok(2)));
     }
 }

@@ -508,6 +508,9 @@ fn mutated_scenes_are_read_or_refused() {
         .run(&changes, |changes| {
             let mut bytes = seed.to_vec();
             for (index, byte, how) in changes {
+                if bytes.is_empty() {
+                    break;
+                }
                 let at = index.index(bytes.len());
                 let end = (at + usize::from(byte) % 40).min(bytes.len());
                 match how {
