@@ -3,7 +3,7 @@
 SCENE := scenes/cornell-spheres.toml
 PICTURE := out/cornell-spheres.exr
 
-.PHONY: demo test test-isa readme bench peers results quality accuracy check fmt clippy doc setup
+.PHONY: demo test test-isa readme bench peers results quality accuracy blender test-blender check fmt clippy doc setup
 
 # Renders a scene, in a minute or so.
 demo: setup
@@ -31,6 +31,15 @@ test-isa: setup
 readme: setup
 	cargo build --release
 	tests/readme.sh target/release/cardioid
+
+# The add-on for Blender as an extension: "Install from Disk" takes it. docs/blender.md
+blender:
+	@mkdir -p out
+	@python3 blender/pack.py out
+
+# The add-on: its plain parts, and inside of Blender where there is one. Seconds without Blender, minutes with it.
+test-blender:
+	@tests/blender.sh target/release/cardioid
 
 bench: setup
 	cargo bench

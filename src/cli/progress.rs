@@ -2,10 +2,12 @@
 
 use cardioid::image_io::library_failure;
 use cardioid::render::Observer;
+use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::json;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -57,10 +59,46 @@ fn nanoseconds(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Shows a progress bar for each step on a terminal, and nothing elsewhere.
+/// How progress is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressKind {
+    /// Bars where standard error is a terminal, nothing elsewhere.
+    Bar,
+    /// For other programs: lines of JSON on standard output, at most ten a second beyond the first and the last of each step.
+    Json,
+}
+
+/// The step of which lines of JSON tell.
+struct Step {
+    name: String,
+    /// `None` where its length is not known.
+    total: Option<u64>,
+    /// Units of the last line.
+    told: Option<u64>,
+    /// Time of the last line.
+    at: Instant,
+}
+
+impl Step {
+    /// Writes a line. A reader that is gone does not end the render.
+    fn tell(&mut self, done: u64, start: Instant) {
+        let mut line = json!({ "step": self.name, "seconds": start.elapsed().as_secs_f64() });
+        if let Some(total) = self.total {
+            line["done"] = done.into();
+            line["total"] = total.into();
+        }
+        let mut output = std::io::stdout().lock();
+        let _ = writeln!(output, "{line}").and_then(|()| output.flush());
+        (self.told, self.at) = (Some(done), Instant::now());
+    }
+}
+
+/// Shows the progress of each step: a bar on a terminal, or lines of JSON.
 pub(crate) struct Console {
     bar: Mutex<ProgressBar>,
     visible: bool,
+    /// Whether lines of JSON are written, and the step that they tell of.
+    lines: Option<Mutex<Option<Step>>>,
     is_quiet: bool,
     start: Instant,
     /// Nanoseconds from the start until rendering stops; the largest number without a limit.
@@ -73,9 +111,41 @@ impl Console {
         Self {
             bar: Mutex::new(ProgressBar::hidden()),
             visible: !quiet && std::io::stderr().is_terminal(),
+            lines: None,
             is_quiet: quiet,
             start: Instant::now(),
             limit: AtomicU64::new(limit.map_or(u64::MAX, nanoseconds)),
+        }
+    }
+
+    /// The same console, which shows progress in this way.
+    pub(crate) fn showing(self, kind: ProgressKind) -> Self {
+        match kind {
+            ProgressKind::Bar => self,
+            ProgressKind::Json => Self { visible: false, lines: Some(Mutex::new(None)), ..self },
+        }
+    }
+
+    /// Writes the first line of a step.
+    fn tell_step(&self, name: &str, total: Option<u64>) {
+        if let Some(lines) = &self.lines {
+            let mut step = Step { name: name.to_owned(), total, told: None, at: self.start };
+            step.tell(0, self.start);
+            *lines.lock().unwrap_or_else(PoisonError::into_inner) = Some(step);
+        }
+    }
+
+    /// Writes a line of progress, where the last one is old enough or the step is done.
+    fn tell_progress(&self, done: u64) {
+        /// Shortest time between two lines.
+        const INTERVAL: Duration = Duration::from_millis(100);
+        let Some(lines) = &self.lines else { return };
+        if let Some(step) = lines.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+            let is_last = step.total.is_some_and(|total| done >= total);
+            // Threads may tell of their work in another order than they did it.
+            if step.told.is_none_or(|told| done > told) && (is_last || step.at.elapsed() >= INTERVAL) {
+                step.tell(done, self.start);
+            }
         }
     }
 
@@ -89,6 +159,7 @@ impl Console {
 
     /// Shows a step of unknown length, with the elapsed time.
     pub(crate) fn busy(&self, what: &str) {
+        self.tell_step(what, None);
         if !self.visible {
             return;
         }
@@ -111,6 +182,7 @@ impl Console {
 
 impl Observer for Console {
     fn begin(&self, step: &str, total: u64) {
+        self.tell_step(step, Some(total));
         if !self.visible {
             return;
         }
@@ -127,6 +199,7 @@ impl Observer for Console {
     }
 
     fn advance(&self, done: u64) {
+        self.tell_progress(done);
         if self.visible {
             self.bar.lock().unwrap_or_else(PoisonError::into_inner).set_position(done);
         }

@@ -2,7 +2,7 @@
 
 use super::outputs::Named;
 use super::picture::{Loaded, load};
-use super::progress::{Console, catch_interrupts, interrupted};
+use super::progress::{catch_interrupts, interrupted};
 use super::render::{Pictures, RenderArgs, deliver, request};
 use anyhow::{Context, Result, bail};
 use cardioid::image_io;
@@ -129,7 +129,7 @@ pub(crate) fn run(args: &RadiosityArgs) -> Result<ExitCode> {
     if let Some(solution) = &args.solver.solution {
         outputs.add(solution, "--solution", Named::ByUser)?;
     }
-    let console = Console::new(render.quiet, None);
+    let console = render.console(None)?;
     pool.install(|| {
         // Before the scene is built, so that a damaged file is reported at once.
         let known = args.solver.solution.as_deref().filter(|path| path.exists());

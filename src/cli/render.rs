@@ -3,7 +3,7 @@
 use super::meaning::{LAYERS, LayerMeaning};
 use super::outputs::{Named, Outputs};
 use super::picture::{Loaded, SceneArgs, crop, filter_of, load};
-use super::progress::{Console, catch_interrupts, end_with_input, interrupted};
+use super::progress::{Console, ProgressKind, catch_interrupts, end_with_input, interrupted};
 use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
 use cardioid::embree::Isa;
@@ -92,6 +92,10 @@ pub(crate) struct RenderArgs {
     #[arg(short, long)]
     pub(super) quiet: bool,
 
+    /// How progress is shown.
+    #[arg(long, value_name = "KIND", value_enum, default_value_t = ProgressKind::Bar)]
+    progress: ProgressKind,
+
     /// End at once where standard input ends: as `tradeoff` holds its other end, no render outlives it.
     #[arg(long, hide = true)]
     end_with_input: bool,
@@ -101,6 +105,17 @@ pub(crate) struct RenderArgs {
 }
 
 impl RenderArgs {
+    /// Shows progress as asked for. `limit` is the time from now until rendering stops.
+    pub(super) fn console(&self, limit: Option<Duration>) -> Result<Console> {
+        let prints = self.stats_table || self.stats.as_deref().is_some_and(image_io::is_standard_output);
+        if self.progress == ProgressKind::Json && prints {
+            bail!(
+                "--progress json and the statistics would both go to standard output; write --stats to a file"
+            );
+        }
+        Ok(Console::new(self.quiet, limit).showing(self.progress))
+    }
+
     /// An option that makes sense for photons alone and is given.
     pub(super) fn option_of_rounds(&self) -> Option<&'static str> {
         [
@@ -172,7 +187,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         .context("cannot start the threads")?;
     let pictures = Pictures::new(args)?;
     let outputs = pictures.check(args)?;
-    let console = Console::new(args.quiet, args.time_limit);
+    let console = args.console(args.time_limit)?;
     pool.install(|| {
         // Before anything else, so that a damaged file is reported before a scene is built.
         let saved = args.photon_map.as_deref().map(SavedMaps::read).transpose()?;

@@ -634,6 +634,15 @@ pub enum LightDescription {
         /// Irradiance of a surface perpendicular to the light, W/m^2.
         irradiance: DVec3,
     },
+    /// Light from a distant disc, as from the sun: parallel but for the small angle of the disc.
+    Sun {
+        /// Direction in which the light of the disc's centre travels, any length.
+        direction: DVec3,
+        /// Irradiance of a surface perpendicular to it, W/m^2.
+        irradiance: DVec3,
+        /// Angular radius of the disc, radians, in `(0, pi/2]`.
+        radius: f64,
+    },
     /// The same radiance from every direction outside the scene.
     Environment {
         /// Radiance, W/(m^2 sr).

@@ -289,6 +289,9 @@ fn lights_without_a_surface() {
     let sun =
         "[[lights]]\ntype = \"directional\"\ndirection = [0.6, -0.8, 0.0]\nirradiance = [3.0, 2.0, 1.0]\n";
     assert_irradiance("directional", sun, of_radiance(0.8), 1e-5);
+    // The projected solid angle of a disc above the horizon is its whole one's times the cosine of its middle, however wide it is.
+    let wide = format!("{sun}angular-diameter = 60.0\n");
+    assert_irradiance("wide sun", &wide, of_radiance(0.8), 0.004);
     let sky = "[[lights]]\ntype = \"environment\"\nradiance = [3.0, 2.0, 1.0]\n";
     assert_irradiance("environment", sky, of_radiance(PI), 0.003);
 }

@@ -22,6 +22,62 @@ fn keys(value: &Value, found: &mut BTreeSet<String>) {
     }
 }
 
+/// `--progress json` tells of each step from its first unit to its last, on standard output and nowhere else.
+#[test]
+fn progress_for_programs() {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-spheres.toml");
+    let folder = tempfile::tempdir().unwrap();
+    let run = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_cardioid"))
+            .current_dir(folder.path())
+            .stdin(Stdio::null())
+            .arg("render")
+            .arg(&scene)
+            .args([
+                "--resolution",
+                "24x20",
+                "--spp",
+                "1",
+                "--photons",
+                "5000",
+                "-o",
+                "a.exr",
+                "--progress",
+                "json",
+            ])
+            .args(more)
+            .output()
+            .unwrap()
+    };
+    let output = run(&[]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines: Vec<Value> = String::from_utf8(output.stdout)
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert!(String::from_utf8_lossy(&output.stderr).lines().all(|line| !line.starts_with('{')));
+    let names: BTreeSet<&str> = lines.iter().map(|line| line["step"].as_str().unwrap()).collect();
+    assert!(names.len() >= 3, "{names:?}");
+    let seconds: Vec<f64> = lines.iter().map(|line| line["seconds"].as_f64().unwrap()).collect();
+    assert!(seconds.is_sorted(), "{seconds:?}");
+    // Steps of known length go up from 0, and the pixels end at their whole number.
+    let of = |name: &str| -> Vec<(u64, u64)> {
+        let own = lines.iter().filter(|line| line["step"] == name && line.get("total").is_some());
+        own.map(|line| (line["done"].as_u64().unwrap(), line["total"].as_u64().unwrap())).collect()
+    };
+    for name in &names {
+        let told = of(name);
+        assert!(told.is_sorted() && told.iter().all(|(done, total)| done <= total), "{name}: {told:?}");
+    }
+    let pixels = of("rendering");
+    assert_eq!(pixels.first().map(|first| first.0), Some(0), "{names:?}");
+    assert!(pixels.last().is_some_and(|(done, total)| done == total), "{pixels:?}");
+    let clash = run(&["--stats", "-"]);
+    assert_eq!(clash.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&clash.stderr).contains("write --stats to a file"));
+}
+
 #[test]
 fn every_key_of_the_statistics_is_documented() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -245,7 +245,9 @@ fn move_scene(scene: &mut SceneDescription, by: &DAffine3, scale: f64, kept: &[b
                 (*position, *direction) = (point(*position), vector(*direction));
                 *intensity *= area;
             }
-            LightDescription::Directional { direction, .. } => *direction = vector(*direction),
+            LightDescription::Directional { direction, .. } | LightDescription::Sun { direction, .. } => {
+                *direction = vector(*direction);
+            }
             LightDescription::Profile { position, direction, along, brightness, .. } => {
                 (*position, *direction, *along) = (point(*position), vector(*direction), vector(*along));
                 *brightness = match *brightness {

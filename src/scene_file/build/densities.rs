@@ -217,6 +217,7 @@ fn grown(description: &SceneDescription, around: &Bounds3, grow: f64) -> Bounds3
         | LightDescription::Spot { position, .. }
         | LightDescription::Profile { position, .. } => Some(position),
         LightDescription::Directional { .. }
+        | LightDescription::Sun { .. }
         | LightDescription::Environment { .. }
         | LightDescription::EnvironmentMap { .. }
         | LightDescription::Sky { .. } => None,

@@ -33,6 +33,11 @@ pub(super) enum LightSource {
         direction: DVec3,
         irradiance: DVec3,
     },
+    Sun {
+        direction: DVec3,
+        irradiance: DVec3,
+        radius: f64,
+    },
     Environment {
         radiance: DVec3,
     },
@@ -72,6 +77,9 @@ impl LightSource {
             LightDescription::Point { position, intensity } => Self::Point { position, intensity },
             LightDescription::Directional { direction, irradiance } => {
                 Self::Directional { direction, irradiance }
+            }
+            LightDescription::Sun { direction, irradiance, radius } => {
+                Self::Sun { direction, irradiance, radius }
             }
             LightDescription::Environment { radiance } => Self::Environment { radiance },
             LightDescription::EnvironmentMap { ref image, layout, turn, axes, factor } => {
@@ -121,7 +129,7 @@ impl LightSource {
         let area = space.scale * space.scale;
         match self {
             Self::Point { intensity, .. } => *intensity * (4.0 * PI * area),
-            Self::Directional { irradiance, .. } => *irradiance * disc,
+            Self::Directional { irradiance, .. } | Self::Sun { irradiance, .. } => *irradiance * disc,
             Self::Environment { radiance } => *radiance * (4.0 * PI * disc),
             Self::Map { map, factor, .. } => *factor * map.integral() * disc,
             Self::Sky { map, factor, sun, .. } => {
@@ -146,6 +154,9 @@ impl LightSource {
                 direction: unit(*direction),
                 irradiance: scaled(*irradiance),
             }),
+            Self::Sun { direction, irradiance, radius } => {
+                Light::Sun(SunLight::new(-unit(*direction), *radius, scaled(*irradiance)))
+            }
             Self::Environment { radiance } => {
                 Light::Environment(EnvironmentLight::constant(scaled(*radiance)))
             }

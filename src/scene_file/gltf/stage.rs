@@ -261,7 +261,8 @@ fn exposure(description: &SceneDescription, bounds: &Bounds3) -> f64 {
             }
             LightDescription::Directional { irradiance, .. } => irradiance.max_element(),
             // glTF has none of these lights.
-            LightDescription::EnvironmentMap { .. }
+            LightDescription::Sun { .. }
+            | LightDescription::EnvironmentMap { .. }
             | LightDescription::Sky { .. }
             | LightDescription::Profile { .. } => 0.0,
             LightDescription::Environment { radiance } => radiance.max_element() * std::f64::consts::PI,

@@ -15,6 +15,12 @@ const ELEVATION: Expected =
     Expected { what: "an angle from 0 to 90 degrees", example: "35.0", holds: |x| (0.0..=90.0).contains(&x) };
 const TURBIDITY: Expected =
     Expected { what: "a number from 1 to 10", example: "3.0", holds: |x| (1.0..=10.0).contains(&x) };
+/// A smaller disc would have a radiance beyond what single precision holds well.
+const DIAMETER: Expected = Expected {
+    what: "an angle from 0.001 to 180 degrees, or 0 for parallel light",
+    example: "0.53",
+    holds: |x| x == 0.0 || (0.001..=180.0).contains(&x),
+};
 const CONE_ANGLE: Expected = Expected {
     what: "an angle from 0 to 180 degrees",
     example: "30.0",
@@ -87,9 +93,17 @@ fn read_light(mut table: Table<'_>, unit: f64) -> Option<LightDescription> {
                 Some(None) => table.required("irradiance", "[3.0, 3.0, 3.0]", |_| None),
                 found => found.flatten().map(|(irradiance, ())| irradiance),
             };
-            direction
-                .zip(irradiance)
-                .map(|(direction, irradiance)| LightDescription::Directional { direction, irradiance })
+            let diameter = table.or("angular-diameter", 0.0, |value| value.number(&DIAMETER));
+            match (direction, irradiance, diameter) {
+                (Some(direction), Some(irradiance), Some(0.0)) => {
+                    Some(LightDescription::Directional { direction, irradiance })
+                }
+                (Some(direction), Some(irradiance), Some(diameter)) => {
+                    let radius = 0.5 * diameter.to_radians();
+                    Some(LightDescription::Sun { direction, irradiance, radius })
+                }
+                _ => None,
+            }
         }
         Kind::Environment => read_environment(&mut table),
         Kind::Sky => read_sky(&mut table),

@@ -140,6 +140,23 @@ fn with_white(rest: &str) -> String {
 }
 
 #[test]
+fn a_disc_of_the_sky_is_a_sun() {
+    let light = |diameter: &str| {
+        let text =
+            format!("[[lights]]\ntype = \"directional\"\ndirection = [0, -2, 0]\nirradiance = 3\n{diameter}");
+        parse(&with_white(&text)).unwrap().lights[0].value.clone()
+    };
+    for parallel in ["", "angular-diameter = 0"] {
+        assert!(matches!(light(parallel), LightDescription::Directional { .. }), "{parallel}");
+    }
+    let LightDescription::Sun { direction, irradiance, radius } = light("angular-diameter = 0.5") else {
+        panic!("no sun")
+    };
+    assert_eq!((direction, irradiance), (DVec3::new(0.0, -2.0, 0.0), DVec3::splat(3.0)));
+    assert!((radius - 0.25f64.to_radians()).abs() < 1e-12);
+}
+
+#[test]
 fn one_instance_stands_for_many() {
     let ball = "[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"w\"\ngroup = \"g\"\n[[instances]]\ngroup = \"g\"\n";
     let text = with_white(&format!(
@@ -593,6 +610,13 @@ fn every_error_has_a_place_and_a_remedy() {
             scene("[[lights]]\ntype = \"directional\"\ndirection = [0, 0, 0]\nirradiance = 1"),
             "3:13",
             &["a direction"],
+        ),
+        (
+            scene(
+                "[[lights]]\ntype = \"directional\"\ndirection = [0, -1, 0]\nirradiance = 1\nangular-diameter = 1e-9",
+            ),
+            "5:20",
+            &["an angle from 0.001 to 180 degrees"],
         ),
         (
             scene(

@@ -291,7 +291,8 @@ impl<'a> Importer<'a> {
                 LightDescription::Point { intensity, .. } | LightDescription::Spot { intensity, .. } => {
                     *intensity *= factor;
                 }
-                LightDescription::Directional { irradiance, .. } => *irradiance *= factor,
+                LightDescription::Directional { irradiance, .. }
+                | LightDescription::Sun { irradiance, .. } => *irradiance *= factor,
                 LightDescription::Environment { radiance } => *radiance *= factor,
                 LightDescription::EnvironmentMap { factor: own, .. }
                 | LightDescription::Sky { factor: own, .. } => *own *= factor,

@@ -1,0 +1,218 @@
+"""Writes an evaluated scene of Blender as a scene file of cardioid, with a model and pictures beside it."""
+
+import os
+from dataclasses import dataclass
+
+import bpy
+import numpy
+
+from . import camera, exr, lamps, materials, surface, toml_text, world
+from .glb import Glb
+from .meshes import Meshes
+from .pictures import Pictures, pixels_of, to_linear
+
+_SOLID = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+_SILENT = {"EMPTY", "ARMATURE", "LATTICE", "CAMERA", "SPEAKER", "LIGHT"}
+
+
+@dataclass
+class Exported:
+    scene: str
+    frame: object
+
+
+def write(depsgraph, folder, size, border, notices):
+    """Writes the scene into a folder. `size`: pixels of the whole picture; `border`: the part that is rendered, from the lower left.
+
+    Raises camera.SceneError where there is no camera that can be rendered.
+    """
+    scene = depsgraph.scene
+    writer = _Writer(depsgraph, folder, notices)
+    frame, camera_table = writer.camera(scene, size, border)
+    writer.objects()
+    tables = [("[camera]", camera_table), ("[film]", {"width": frame.width, "height": frame.height})]
+    if not writer.glb.is_empty:
+        with open(os.path.join(folder, "model.glb"), "wb") as file:
+            file.write(writer.glb.to_bytes())
+        # Faces without a material have one of the file, so that this one is never seen; the scene file wants it.
+        tables.append(("[materials.grey]", {"type": "lambert", "reflectance": 0.8}))
+        tables.append(
+            ("[[shapes]]", {"name": "model", "type": "mesh", "file": "model.glb", "materials": "file", "material": "grey"})
+        )
+    if not any(header == "[[shapes]]" for header, _ in tables + writer.lights):
+        raise camera.SceneError("there is nothing to render: no object is a surface, and none is visible in renders; add one")
+    tables += writer.lights
+    tables += writer.world(scene.world)
+    path = os.path.join(folder, "scene.toml")
+    with open(path, "w", encoding="utf-8") as file:
+        file.write(toml_text.document(tables, [("name", scene.name)]))
+    _check_settings(scene, notices)
+    return Exported(path, frame)
+
+
+def _check_settings(scene, notices):
+    render = scene.render
+    who = f"scene '{scene.name}'"
+    if render.use_motion_blur:
+        notices.add(who, "motion blur is not modelled; the picture is sharp")
+    if render.film_transparent:
+        notices.add(who, "a transparent film is not modelled; the world is seen")
+    if abs(render.pixel_aspect_x - render.pixel_aspect_y) > 1e-6:
+        notices.add(who, "pixels that are not square are not modelled; they are square")
+
+
+class _Writer:
+    def __init__(self, depsgraph, folder, notices):
+        self.depsgraph, self.folder, self.notices = depsgraph, folder, notices
+        self.glb = Glb()
+        self.lights = []
+        self._meshes = Meshes(self.glb, notices)
+        self._pictures = Pictures(self.glb, notices, lambda image: bpy.path.abspath(image.filepath, library=image.library))
+        self._looks = {}
+        self._shared = {}
+        self._names = {}
+        self._seen = None
+
+    def camera(self, scene, size, border):
+        eye = scene.camera
+        if eye is None:
+            raise camera.SceneError("the scene has no camera; add one")
+        eye = eye.evaluated_get(self.depsgraph)
+        focus = None
+        if eye.data.dof.use_dof and eye.data.dof.focus_object:
+            focus = tuple(eye.data.dof.focus_object.evaluated_get(self.depsgraph).matrix_world.translation)
+        frame, table = camera.frame_and_table(eye.name, eye.data, _rows(eye.matrix_world), size, border, self.notices, focus)
+        self._seen = _Seen(table, frame)
+        return frame, table
+
+    def objects(self):
+        for instance in self.depsgraph.object_instances:
+            thing = instance.object
+            if not instance.show_self:
+                continue
+            if thing.type == "LIGHT":
+                self._light(thing, instance.matrix_world)
+            elif thing.type in _SOLID:
+                self._solid(thing, instance.matrix_world)
+            elif thing.type not in _SILENT:
+                self.notices.add(f"object '{thing.name}'", f"objects of the kind {thing.type} are not modelled; it is left out")
+
+    def _light(self, thing, matrix):
+        name = self._unique(thing.name)
+        tables, text = lamps.tables(name, thing.data, _rows(matrix), self.notices)
+        for header, table in tables:
+            if text is not None and "file" in table:
+                table["file"] = f"light-{len(self.lights)}.{table['file']}"
+                with open(os.path.join(self.folder, table["file"]), "w", encoding="ascii") as file:
+                    file.write(text)
+            if header == "[[shapes]]" and self._seen.holds(tuple(matrix.translation)):
+                self.notices.add(
+                    f"light '{thing.name}'", "the camera may see it as a bright shape, where Cycles hides lights; move it out of the picture"
+                )
+            self.lights.append((header, table))
+
+    def _unique(self, name):
+        """Names of lights are unique in a scene file."""
+        number = self._names[name] = self._names.get(name, 0) + 1
+        return name if number == 1 else f"{name} ({number})"
+
+    def _solid(self, thing, matrix):
+        who = f"object '{thing.name}'"
+        if thing.is_holdout:
+            self.notices.add(who, "a holdout is not modelled; it is seen")
+        if getattr(thing, "is_shadow_catcher", False):
+            self.notices.add(who, "a shadow catcher is not modelled; it is seen")
+        if not all(
+            getattr(thing, f"visible_{ray}", True) for ray in ("camera", "diffuse", "glossy", "transmission", "shadow", "volume_scatter")
+        ):
+            self.notices.add(who, "visibility by the kind of ray is not modelled; all rays see it")
+        slots = [slot.material for slot in thing.material_slots] or [None]
+        # Objects that share an evaluated mesh and its materials share it in the file.
+        key = (thing.data.as_pointer(), tuple(material.as_pointer() if material else 0 for material in slots))
+        if thing.type != "MESH":
+            key = (thing.original.as_pointer(),) + key
+        if key not in self._shared:
+            try:
+                mesh = thing.to_mesh()
+            except RuntimeError:
+                mesh = None
+            primitives = self._meshes.primitives(mesh, [self._look(material) for material in slots], who) if mesh else []
+            thing.to_mesh_clear()
+            self._shared[key] = self.glb.mesh(thing.name, primitives) if primitives else None
+        mesh = self._shared[key]
+        if mesh is not None:
+            columns = [matrix[row][column] for column in range(4) for row in range(4)]
+            self.glb.place(thing.name, mesh, columns)
+
+    def _look(self, material):
+        """The number of a material in the file and its UV maps; None where light passes as if nothing were there."""
+        key = material.as_pointer() if material else 0
+        if key not in self._looks:
+            found = materials.surface_of(material, self.notices)
+            name = material.name if material else "without a material"
+            if found is not None:
+                who = f"material '{name}'"
+                maps = found.uv_maps
+                slot, both = self._pictures.slot(maps), self._pictures.slot_of_both(maps, who)
+                plain = self._pictures.slot(maps, is_colour=False)
+                written = surface.material(found, name, lambda texture: plain(texture) if texture == found.normal else slot(texture), both)
+                found = (self.glb.material(written), maps)
+            self._looks[key] = found
+        return self._looks[key]
+
+    def world(self, own):
+        tables, image = world.tables(own, self.notices)
+        for table, name in zip(tables, ("world", "sun of the world")):
+            table["name"] = self._unique(name)
+        if image is not None:
+            path = self._environment(image)
+            if path is None:
+                self.notices.add(f"world '{own.name}'", "its picture is missing; it gives no light")
+                return []
+            tables[0]["image"] = path
+        return [("[[lights]]", table) for table in tables]
+
+    def _environment(self, image):
+        """The path of a picture of radiance."""
+        path = bpy.path.abspath(image.filepath, library=image.library)
+        ready = image.source == "FILE" and not image.packed_file and not image.is_dirty and os.path.isfile(path)
+        if ready and path.lower().endswith((".hdr", ".exr")) and image.colorspace_settings.name == "Linear Rec.709":
+            return os.path.abspath(path)
+        if 0 in tuple(image.size):
+            return None
+        values = pixels_of(image)[..., :3].copy()
+        if not image.is_float and image.colorspace_settings.name == "sRGB":
+            values = to_linear(values)
+        path = os.path.join(self.folder, "world.exr")
+        with open(path, "wb") as file:
+            file.write(exr.colours(values))
+        return path
+
+
+def _rows(matrix):
+    return [tuple(row) for row in matrix]
+
+
+class _Seen:
+    """Which points lie in the picture."""
+
+    def __init__(self, table, frame):
+        from math import radians, tan
+
+        self._eye = numpy.array(table["eye"])
+        forward = numpy.array(table["at"]) - self._eye
+        right = numpy.cross(forward, table["up"])
+        right /= numpy.linalg.norm(right)
+        self._axes = numpy.array([right, numpy.cross(right, forward), forward])
+        self._half = tan(0.5 * radians(frame.fov))
+        self._frame = frame
+
+    def holds(self, point):
+        x, y, z = self._axes @ (numpy.array(lamps.upright(point)) - self._eye)
+        if z <= 0.0:
+            return False
+        frame = self._frame
+        pixel = 2.0 * self._half / frame.height
+        column, row = 0.5 * frame.width + x / z / pixel, 0.5 * frame.height - y / z / pixel
+        x0, y0, x1, y1 = frame.window
+        return x0 <= column < x1 and y0 <= row < y1
