@@ -156,7 +156,7 @@ class _Writer:
                 slot, both = self._pictures.slot(maps), self._pictures.slot_of_both(maps, who)
                 plain = self._pictures.slot(maps, is_colour=False)
                 written = surface.material(found, name, lambda texture: plain(texture) if texture == found.normal else slot(texture), both)
-                found = (self.glb.material(written), maps)
+                found = (self.glb.material(written), maps, found.base.colours)
             self._looks[key] = found
         return self._looks[key]
 

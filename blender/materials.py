@@ -59,7 +59,7 @@ def _principled(graph, node, stack):
         return graph.number(inputs[name], stack) if name in inputs else 0.0
 
     surface = Surface(
-        base=graph.amount(inputs["Base Color"], stack),
+        base=graph.base(inputs["Base Color"], stack),
         metallic=graph.amount(inputs["Metallic"], stack),
         roughness=graph.amount(inputs["Roughness"], stack),
         alpha=graph.amount(inputs["Alpha"], stack),
@@ -121,7 +121,7 @@ def _check_alpha(graph, surface):
 
 
 def _diffuse(graph, node, stack):
-    surface = matt(graph.amount(node.inputs["Color"], stack))
+    surface = matt(graph.base(node.inputs["Color"], stack))
     if graph.number(node.inputs["Roughness"], stack) > 0.0:
         graph.say("diffuse roughness is not modelled; the surface is Lambertian")
     surface.normal, surface.normal_scale = graph.normal(node.inputs["Normal"], stack)

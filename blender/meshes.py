@@ -12,8 +12,8 @@ class Meshes:
         self._glb, self._notices = glb, notices
 
     def primitives(self, mesh, looks, who):
-        """The primitives of a mesh. `looks`: for each of its materials the number in the file and the names of its UV maps; None for
-        faces that are not there."""
+        """The primitives of a mesh. `looks`: for each of its materials the number in the file, the names of its UV maps and the name of
+        its colour attribute or None; None for faces that are not there."""
         mesh.calc_loop_triangles()
         count = len(mesh.loop_triangles)
         if count == 0:
@@ -29,7 +29,7 @@ class Meshes:
         mesh.vertices.foreach_get("co", positions)
         positions = positions.reshape(-1, 3)
         is_flat = mesh.normals_domain == "FACE"
-        needs_corners = not is_flat and mesh.normals_domain == "CORNER" or any(look and look[1] for look in looks)
+        needs_corners = mesh.normals_domain == "CORNER" or any(look and (look[1] or look[2] is not None) for look in looks)
         if needs_corners:
             # One vertex for each corner of a face.
             attributes, indices = {"POSITION": self._vectors(positions[of_corner], bounds=True)}, corners
@@ -49,13 +49,15 @@ class Meshes:
             own = indices[materials == number]
             if not len(own):
                 continue
-            material, uv_maps = look
+            material, uv_maps, colours = look
             used = dict(attributes)
             for place, name in enumerate(uv_maps[:2]):
                 if name not in coordinates:
                     coordinates[name] = self._coordinates(mesh, name, who)
                 if coordinates[name] is not None:
                     used[f"TEXCOORD_{place}"] = coordinates[name]
+            if colours is not None:
+                used |= self._colours(mesh, colours, of_corner, who)
             if len(uv_maps) > 2:
                 self._notices.add(who, "a material reads more than two UV maps; pictures on the others show one colour")
             data = numpy.ascontiguousarray(own, dtype="<u4").tobytes()
@@ -67,6 +69,21 @@ class Meshes:
     def _vectors(self, values, bounds=False):
         box = (values.min(axis=0), values.max(axis=0)) if bounds else None
         return self._glb.numbers(numpy.ascontiguousarray(values, dtype="<f4").tobytes(), FLOAT, "VEC3", box)
+
+    def _colours(self, mesh, name, of_corner, who):
+        """Colours of corners, linear."""
+        layers = mesh.color_attributes
+        layer = layers.get(name) if name else (layers[layers.render_color_index] if len(layers) else None)
+        if layer is None:
+            self._notices.add(who, f"the colour attribute '{name}' is missing; its surface is white")
+            return {}
+        values = numpy.empty(4 * len(layer.data), numpy.float32)
+        layer.data.foreach_get("color", values)
+        values = values.reshape(-1, 4)
+        if layer.domain == "POINT":
+            values = values[of_corner]
+        data = numpy.ascontiguousarray(values[:, :3], dtype="<f4").tobytes()
+        return {"COLOR_0": self._glb.numbers(data, FLOAT, "VEC3")}
 
     def _coordinates(self, mesh, name, who):
         layers = mesh.uv_layers

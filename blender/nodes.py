@@ -82,6 +82,16 @@ class Graph:
             return socket.default_value
         return amount.value
 
+    def base(self, socket, stack=()):
+        """The colour of a surface, or the picture or the colours of vertices that give it."""
+        found = self.source(socket, stack)
+        node = found[0] if found else None
+        if node is not None and node.type == "VERTEX_COLOR" and found[1].name == "Color":
+            return Amount((1.0, 1.0, 1.0), colours=node.layer_name)
+        if node is not None and node.type == "ATTRIBUTE" and found[1].name == "Color" and node.attribute_type == "GEOMETRY":
+            return Amount((1.0, 1.0, 1.0), colours=node.attribute_name)
+        return self.amount(socket, stack)
+
     def amount(self, socket, stack=(), what=None):
         """The value of a socket, or the picture that gives it."""
         found = self.source(socket, stack)

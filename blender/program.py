@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -143,6 +144,13 @@ class Run:
         return "\n".join(text[-5:]) or f"cardioid ended with code {code} and without a message"
 
 
+#: Remedies that are those of the command line and of scene files.
+_REMEDIES = (
+    (re.compile(r" \(--set .*\)$"), ""),
+    (re.compile(r"^(the scene has no light, so the picture is black): .*"), r"\1: add a light, or give the world a colour"),
+)
+
+
 def sorted_messages(lines, scene=""):
     """Messages of a run as pairs of a kind, WARNING or INFO, and a text. Figures of the summary are no messages.
 
@@ -155,6 +163,8 @@ def sorted_messages(lines, scene=""):
                 text = line[len(prefix) :]
                 for place in (f"{scene}: model: ", f"{scene}: "):
                     text = text.removeprefix(place) if scene else text
+                for remedy, instead in _REMEDIES:
+                    text = remedy.sub(instead, text)
                 found.append((kind, text))
     return found
 

@@ -24,10 +24,12 @@ class Texture:
 
 @dataclass(frozen=True)
 class Amount:
-    """A number or a colour, or the picture that stands for it."""
+    """A number or a colour, or the picture or the colours of vertices that stand for it: `colours` is the name of a colour attribute,
+    and empty for that which renders."""
 
     value: object
     texture: Texture = None
+    colours: str = None
 
 
 @dataclass
@@ -99,7 +101,9 @@ def material(surface, name, slot, slot_of_both, double_sided=True):
             if amount.texture:
                 pbr[key] = 1.0
     has_volume = surface.transmission > 0.0 and (max(surface.absorption) > 0.0 or surface.is_border)
-    if surface.base.texture:
+    if surface.base.colours is not None:
+        colour = [1.0, 1.0, 1.0]
+    elif surface.base.texture:
         colour = [1.0, 1.0, 1.0]
         pbr["baseColorTexture"] = slot(surface.base.texture)
     else:
@@ -183,6 +187,7 @@ def is_matt(surface):
         and surface.alpha == Amount(1.0)
         and surface.coat == 0.0
         and not surface.base.texture
+        and surface.base.colours is None
         and not surface.normal
     )
 

@@ -19,13 +19,16 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import blender
-from blender import camera, exr, export, notices
+from blender import camera, exr, export, notices, program
 
 FOLDER = tempfile.TemporaryDirectory(prefix="cardioid-test-")
 
 
 def setUpModule():
     blender.register()
+    # Its classes are registered above.
+    global engine
+    from blender import engine
 
 
 def tearDownModule():
@@ -140,8 +143,9 @@ def render(**settings):
     picture = exr.read(path)
     passes = {}
     for name, values in picture.channels.items():
-        _, kind, channel = name.rsplit(".", 2)
-        passes.setdefault(kind, {})[channel] = values
+        layer, kind, channel = name.rsplit(".", 2)
+        first = scene.view_layers[0].name
+        passes.setdefault(kind if layer == first else f"{layer}.{kind}", {})[channel] = values
     order = {"A": 3, "R": 0, "G": 1, "B": 2, "X": 0, "Y": 1, "Z": 2, "V": 0}
     return {
         kind: numpy.stack([found[c] for c in sorted(found, key=order.get)], axis=-1) for kind, found in passes.items()
@@ -573,6 +577,25 @@ class Surfaces(unittest.TestCase):
             # Pixels on edges between texels differ by the reconstruction.
             self.assertLess(numpy.abs(own - other).mean(), 0.01, f"turned by {turn}")
 
+    def test_colours_of_vertices(self):
+        for domain, kind in (("POINT", "FLOAT_COLOR"), ("CORNER", "BYTE_COLOR")):
+            empty_scene(size=(24, 24), extra="--spp 16")
+            look = white()
+            tree = look.node_tree
+            node = tree.nodes.new("ShaderNodeVertexColor")
+            node.layer_name = "paint"
+            diffuse = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE")
+            tree.links.new(node.outputs["Color"], diffuse.inputs["Color"])
+            thing = plane(look, half=1.0)
+            colours = thing.data.color_attributes.new("paint", kind, domain)
+            for place, colour in enumerate(((0.9, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.7), (0.5, 0.5, 0.5))):
+                colours.data[place].color = (*colour, 1.0)
+            world((1, 1, 1))
+            eye(place=(0, 0, 2), lens=36.0)
+            own, other = render()["Combined"][..., :3], by_cycles(64)["Combined"][..., :3]
+            self.assertGreater(own.std(), 0.05)
+            self.assertLess(numpy.abs(own - other).mean(), 0.02, domain)
+
     def test_what_is_not_modelled_is_told(self):
         scene = empty_scene()
         look = material("odd", "ShaderNodeBsdfPrincipled", Subsurface_Weight=0.5)
@@ -585,6 +608,9 @@ class Surfaces(unittest.TestCase):
         eye()
         world()
         scene.render.use_motion_blur = True
+        # One lamp in the picture, one behind the camera.
+        lamp("AREA", 10.0, place=(0, 0, 0.5), turn=(math.pi, 0, 0), size=0.001)
+        lamp("AREA", 10.0, place=(0, 0, 2.0), size=0.001)
         told = notices.Notices()
         with tempfile.TemporaryDirectory() as folder:
             export.write(bpy.context.evaluated_depsgraph_get(), folder, (8, 8), None, told)
@@ -594,9 +620,10 @@ class Surfaces(unittest.TestCase):
             "material 'odd': subsurface scattering is not modelled",
             "light 'SPOT': the size of a spot is not modelled",
             "motion blur is not modelled",
+            "light 'AREA': the camera may see it as a bright shape",
         ):
             self.assertIn(part, lines)
-        self.assertEqual(len(told), 4, lines)
+        self.assertEqual(len(told), 5, lines)
 
 
 class Objects(unittest.TestCase):
@@ -700,6 +727,23 @@ class Passes(unittest.TestCase):
         # Normals of the ball point to all sides.
         ball = (other["Normal"][..., 2] < 0.9) & ~far
         self.assertLess(numpy.median(abs(own["Normal"] - other["Normal"])[ball]), 0.1)
+
+    def test_view_layers_have_their_own_objects(self):
+        scene = empty_scene(extra="--spp 4")
+        hidden = bpy.data.collections.new("hidden")
+        scene.collection.children.link(hidden)
+        near = plane(material("near", "ShaderNodeEmission", Strength=3.0), place=(0, 0, 0.5))
+        scene.collection.objects.unlink(near)
+        hidden.objects.link(near)
+        plane(material("far", "ShaderNodeEmission", Strength=2.0))
+        eye()
+        world()
+        second = scene.view_layers.new("second")
+        second.layer_collection.children["hidden"].exclude = True
+        found = render()
+        self.assertAlmostEqual(mean(found), 3.0, delta=1e-4)
+        self.assertAlmostEqual(mean(found, "second.Combined"), 2.0, delta=1e-4)
+        self.assertAlmostEqual(mean(found, "second.emission"), 2.0, delta=1e-4)
 
     def test_a_border_has_the_same_pixels(self):
         self.stage(integrator="photon-map", extra="")
@@ -835,6 +879,45 @@ class Errors(unittest.TestCase):
                 render()
         finally:
             os.environ["PATH"] = path
+
+    def test_cancelled(self):
+        """Esc ends the program at once and removes its files."""
+        scene = self.stage()
+        scene.cardioid.quality, scene.cardioid.extra = "reference", "--spp 1000000"
+        runs = []
+
+        class Run(program.Run):
+            def __init__(self, line, folder=None):
+                super().__init__(line, folder)
+                runs.append((self, line[2]))
+
+        class Engine:
+            """What Blender gives an engine, with Esc pressed once pixels are rendered."""
+
+            render, _render, _fail = (getattr(engine.CardioidRenderEngine, name) for name in ("render", "_render", "_fail"))
+
+            def report(self, kind, text):
+                told.append((kind, text))
+
+            def update_stats(self, *_):
+                pass
+
+            def update_progress(self, _):
+                pass
+
+            def test_break(self):
+                return runs[0][0].step == "rendering"
+
+        told, before = [], program.Run
+        program.Run = Run
+        try:
+            Engine().render(bpy.context.evaluated_depsgraph_get())
+        finally:
+            program.Run = before
+        self.assertEqual(told, [])
+        [(run, path)] = runs
+        self.assertIsNotNone(run.poll())
+        self.assertFalse(os.path.exists(os.path.dirname(path)), path)
 
     def test_temporary_files_are_removed(self):
         before = {name for name in os.listdir(tempfile.gettempdir()) if name.startswith("cardioid-")}

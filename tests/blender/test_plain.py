@@ -355,6 +355,18 @@ class Program(unittest.TestCase):
         self.assertEqual((run.step, run.share), ("rendering", 0.5))
         self.assertEqual(program.sorted_messages(run.messages), [("WARNING", "something is odd"), ("INFO", "something is so")])
 
+    def test_remedies_are_those_of_blender(self):
+        lines = [
+            "note: /x/scene.toml: model: material `glass` is solid (--set \"solid:glass=no\" makes sheets)",
+            "warning: /x/scene.toml: the scene has no light, so the picture is black: add a `[[lights]]` table",
+            "global map: 3 photons",
+        ]
+        want = [
+            ("INFO", "material `glass` is solid"),
+            ("WARNING", "the scene has no light, so the picture is black: add a light, or give the world a colour"),
+        ]
+        self.assertEqual(program.sorted_messages(lines, "/x/scene.toml"), want)
+
     def test_failure(self):
         run = program.Run([self.fake("print('error: no scene\\n  help: write one', file=sys.stderr); sys.exit(1)")])
         code = self.ended(run)
