@@ -144,7 +144,8 @@ fn a_disc_of_the_sky_is_a_sun() {
     let light = |diameter: &str| {
         let text =
             format!("[[lights]]\ntype = \"directional\"\ndirection = [0, -2, 0]\nirradiance = 3\n{diameter}");
-        parse(&with_white(&text)).unwrap().lights[0].value.clone()
+        let ball = "[[shapes]]\ntype = \"sphere\"\nradius = 1\nmaterial = \"w\"\n";
+        parse(&with_white(&format!("{ball}{text}"))).unwrap().lights[0].value.clone()
     };
     for parallel in ["", "angular-diameter = 0"] {
         assert!(matches!(light(parallel), LightDescription::Directional { .. }), "{parallel}");
