@@ -150,7 +150,7 @@ class _Job:
             raise program.ProgramError(f"the picture has {picture.size} pixels, and {self._size} were asked for")
         values = {
             "Combined": lambda: passes.combined(picture),
-            "Depth": lambda: passes.depth(picture, self._written.frame.fov),
+            "Depth": lambda: passes.depth(picture, self._written.frame),
             "Normal": lambda: passes.normal(picture),
             "DiffCol": lambda: passes.layer(picture, "albedo"),
             "Diffuse Color": lambda: passes.layer(picture, "albedo"),

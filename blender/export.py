@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import bpy
 import numpy
 
-from . import camera, exr, lamps, materials, surface, toml_text, world
+from . import camera, exr, framing, lamps, materials, surface, toml_text, world
 from .glb import Glb
 from .meshes import Meshes
 from .pictures import Pictures, pixels_of, to_linear
@@ -24,7 +24,7 @@ class Exported:
 def write(depsgraph, folder, size, border, notices):
     """Writes the scene into a folder. `size`: pixels of the whole picture; `border`: the part that is rendered, from the lower left.
 
-    Raises camera.SceneError where there is no camera that can be rendered.
+    Raises camera.SceneError where there is nothing, or no camera, that can be rendered.
     """
     scene = depsgraph.scene
     writer = _Writer(depsgraph, folder, notices)
@@ -71,7 +71,7 @@ class _Writer:
         self._looks = {}
         self._shared = {}
         self._names = {}
-        self._seen = None
+        self._camera = None
 
     def camera(self, scene, size, border):
         eye = scene.camera
@@ -82,8 +82,17 @@ class _Writer:
         if eye.data.dof.use_dof and eye.data.dof.focus_object:
             focus = tuple(eye.data.dof.focus_object.evaluated_get(self.depsgraph).matrix_world.translation)
         frame, table = camera.frame_and_table(eye.name, eye.data, _rows(eye.matrix_world), size, border, self.notices, focus)
-        self._seen = _Seen(table, frame)
+        self._camera = (table, frame)
         return frame, table
+
+    def _is_seen(self, point):
+        """Whether a point lies in the picture."""
+        table, frame = self._camera
+        if frame.pixel is None:
+            return True
+        found = framing.place(table, frame, lamps.upright(point))
+        x0, y0, x1, y1 = frame.window
+        return found is not None and x0 <= found[0] < x1 and y0 <= found[1] < y1
 
     def objects(self):
         for instance in self.depsgraph.object_instances:
@@ -105,7 +114,7 @@ class _Writer:
                 table["file"] = f"light-{len(self.lights)}.{table['file']}"
                 with open(os.path.join(self.folder, table["file"]), "w", encoding="ascii") as file:
                     file.write(text)
-            if header == "[[shapes]]" and self._seen.holds(tuple(matrix.translation)):
+            if header == "[[shapes]]" and self._is_seen(tuple(matrix.translation)):
                 self.notices.add(
                     f"light '{thing.name}'", "the camera may see it as a bright shape, where Cycles hides lights; move it out of the picture"
                 )
@@ -191,28 +200,3 @@ class _Writer:
 
 def _rows(matrix):
     return [tuple(row) for row in matrix]
-
-
-class _Seen:
-    """Which points lie in the picture."""
-
-    def __init__(self, table, frame):
-        from math import radians, tan
-
-        self._eye = numpy.array(table["eye"])
-        forward = numpy.array(table["at"]) - self._eye
-        right = numpy.cross(forward, table["up"])
-        right /= numpy.linalg.norm(right)
-        self._axes = numpy.array([right, numpy.cross(right, forward), forward])
-        self._half = tan(0.5 * radians(frame.fov))
-        self._frame = frame
-
-    def holds(self, point):
-        x, y, z = self._axes @ (numpy.array(lamps.upright(point)) - self._eye)
-        if z <= 0.0:
-            return False
-        frame = self._frame
-        pixel = 2.0 * self._half / frame.height
-        column, row = 0.5 * frame.width + x / z / pixel, 0.5 * frame.height - y / z / pixel
-        x0, y0, x1, y1 = frame.window
-        return x0 <= column < x1 and y0 <= row < y1

@@ -1,7 +1,6 @@
 """From the layers of cardioid (docs/images.md) to Blender's passes. Rows from the bottom, as Blender has them."""
 
 import struct
-from math import radians, tan
 
 import numpy
 
@@ -34,15 +33,15 @@ def normal(picture):
     return numpy.stack([x, -z, y], axis=-1)
 
 
-def depth(picture, fov):
-    """Distance along the view; the file has that from the eye. `fov`: the vertical field of view of the whole picture, degrees."""
+def depth(picture, frame):
+    """Distance along the view; of a panorama, distance from the eye, as Blender has it."""
     distance = picture.channels["depth.Z"][::-1]
-    x0, y0, x1, y1 = picture.window
-    width, height = picture.whole[2] - picture.whole[0], picture.whole[3] - picture.whole[1]
-    pixel = 2.0 * tan(0.5 * radians(fov)) / height
-    right = (numpy.arange(x0, x1) + 0.5 - 0.5 * width) * pixel
-    down = (numpy.arange(y0, y1) + 0.5 - 0.5 * height)[::-1] * pixel
-    length = numpy.sqrt(1.0 + right[None, :] ** 2 + down[:, None] ** 2)
+    length = 1.0
+    if frame.is_perspective:
+        x0, y0, x1, y1 = picture.window
+        right = (numpy.arange(x0, x1) + 0.5 - 0.5 * frame.width) * frame.pixel
+        down = (numpy.arange(y0, y1) + 0.5 - 0.5 * frame.height)[::-1] * frame.pixel
+        length = numpy.sqrt(1.0 + right[None, :] ** 2 + down[:, None] ** 2)
     along = numpy.where(numpy.isfinite(distance), distance / length, FAR)
     return along[..., None].astype(numpy.float32)
 

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import blender
-from blender import camera, exr, export, notices, program
+from blender import camera, exr, export, framing, notices, program
 
 FOLDER = tempfile.TemporaryDirectory(prefix="cardioid-test-")
 
@@ -373,7 +373,8 @@ class Camera(unittest.TestCase):
                     want = world_to_camera_view(scene, thing, point)
                     told = notices.Notices()
                     frame, table = camera.frame_and_table("eye", data, [tuple(row) for row in thing.matrix_world], size, None, told)
-                    column, row = pixel_of(point, table, frame)
+                    column, row = framing.place(table, frame, (point.x, point.z, -point.y))
+                    column, row = column - frame.window[0], row - frame.window[1]
                     self.assertAlmostEqual(column, want.x * size[0], delta=0.01, msg=f"{size} {fit} {shift}")
                     self.assertAlmostEqual(size[1] - row, want.y * size[1], delta=0.01, msg=f"{size} {fit} {shift}")
                     self.assertEqual(frame.window[2] - frame.window[0], size[0])
@@ -407,11 +408,38 @@ class Camera(unittest.TestCase):
         self.assertAlmostEqual(math.sqrt(2 * moment), radius, delta=0.03 * radius)
         self.assertGreater(radius, 3.0)
 
+    def test_orthographic_and_panoramic_cameras(self):
+        """Glowing boxes all around, as Cycles has them, and their depths."""
+        for size, kind, values in (
+            ((48, 32), "ORTHO", dict(ortho_scale=9.0, shift_x=6 / 48)),
+            ((32, 48), "ORTHO", dict(ortho_scale=9.0, sensor_fit="HORIZONTAL")),
+            ((96, 48), "PANO", dict(panorama_type="EQUIRECTANGULAR")),
+            ((64, 64), "PANO", dict(panorama_type="FISHEYE_EQUIDISTANT", fisheye_fov=3.5)),
+        ):
+            with self.subTest(kind, size=size, **values):
+                scene = empty_scene(size, extra="--spp 64")
+                scene.view_layers[0].use_pass_z = True
+                for number, place in enumerate(((3, 0, 0), (-1, 4, 1), (-3, -3, -1), (0, 1, 4), (1, -1, -3), (2, -4, 2))):
+                    glow = material(f"glow {number}", "ShaderNodeEmission", Strength=number + 1.0)
+                    box(glow, [x - 0.5 for x in place], [x + 0.5 for x in place])
+                thing = eye(place=(0.2, -0.3, 0.1) if kind == "PANO" else (0, -8, 2), turn=(1.3, 0.2, 0.4))
+                thing.data.type = kind
+                for key, value in values.items():
+                    setattr(thing.data, key, value)
+                world()
+                own, other = render(), by_cycles(256)
+                seen = other["Combined"][..., 0]
+                self.assertGreater((seen > 0).sum(), 60)
+                self.assertLess(numpy.abs(own["Combined"][..., 0] - seen).mean(), 0.03 * seen.mean())
+                both = (own["Depth"] < 100) & (other["Depth"] < 100)
+                self.assertLess(numpy.median(abs(own["Depth"] - other["Depth"])[both]), 0.02)
+
     def test_others_are_refused(self):
         empty_scene()
         plane(white())
-        eye().data.type = "ORTHO"
-        with self.assertRaisesRegex(RuntimeError, "camera 'eye' is of the kind ORTHO"):
+        data = eye().data
+        data.type, data.panorama_type = "PANO", "MIRRORBALL"
+        with self.assertRaisesRegex(RuntimeError, "camera 'eye' is a panorama of the kind MIRRORBALL"):
             render()
         bpy.context.scene.camera = None
         with self.assertRaisesRegex(RuntimeError, "(?i)no camera"):
@@ -433,20 +461,6 @@ def assert_same_shapes(test, own, other):
     test.assertLess(numpy.median(abs(own[both] - other[both])), 0.02)
 
 
-def pixel_of(point, table, frame):
-    """Column and row from the top left of the window, by what the scene file says."""
-    eye, at, up = (numpy.array(table[key]) for key in ("eye", "at", "up"))
-    forward = (at - eye) / numpy.linalg.norm(at - eye)
-    right = numpy.cross(forward, up)
-    right /= numpy.linalg.norm(right)
-    above = numpy.cross(right, forward)
-    offset = numpy.array([point[0], point[2], -point[1]]) - eye
-    pixel = 2 * math.tan(math.radians(table["fov"]) / 2) / frame.height
-    column = 0.5 * frame.width + offset @ right / (offset @ forward) / pixel
-    row = 0.5 * frame.height - offset @ above / (offset @ forward) / pixel
-    return column - frame.window[0], row - frame.window[1]
-
-
 class Surfaces(unittest.TestCase):
     def through_slab(self, kind, inside=None, **values):
         """Share of an emitter's radiance that passes a slab of 10 cm at right angles."""
@@ -454,8 +468,13 @@ class Surfaces(unittest.TestCase):
         look = material("slab", kind, **values)
         if inside:
             tree = look.node_tree
-            volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
-            volume.inputs["Color"].default_value, volume.inputs["Density"].default_value = (*inside[0], 1.0), inside[1]
+            if len(inside) == 3:
+                volume = tree.nodes.new("ShaderNodeVolumeCoefficients")
+                volume.inputs["Absorption Coefficients"].default_value = inside
+                volume.inputs["Scatter Coefficients"].default_value = (0, 0, 0)
+            else:
+                volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+                volume.inputs["Color"].default_value, volume.inputs["Density"].default_value = (*inside[0], 1.0), inside[1]
             output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
             tree.links.new(volume.outputs[0], output.inputs["Volume"])
         box(look, (-1, -1, 0), (1, 1, 0.1))
@@ -500,6 +519,12 @@ class Surfaces(unittest.TestCase):
             "ShaderNodeBsdfPrincipled", inside, Base_Color=(0.8, 0.5, 0.2, 1), Roughness=0.0, IOR=1.0001, Transmission_Weight=1.0
         )
         numpy.testing.assert_allclose(passed, [share * tint for share, tint in zip(want, (0.8, 0.5, 0.2))], atol=0.01)
+
+    def test_absorption_by_coefficients(self):
+        if bpy.app.version < (5, 0, 0):
+            self.skipTest("Blender 4.2 has no node of coefficients")
+        passed = self.through_slab("ShaderNodeBsdfGlass", (1.0, 5.0, 9.0), Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.5)
+        numpy.testing.assert_allclose(passed, [self.slab(1.5, math.exp(-0.1 * c)) for c in (1.0, 5.0, 9.0)], atol=0.01)
 
     def test_open_meshes_are_sheets_or_borders(self):
         """A ray through one plane of glass at 45 degrees is bent where the material is the border of a body."""

@@ -118,7 +118,7 @@ def camera_of(**values):
     for key in list(values):
         if hasattr(dof, key):
             setattr(dof, key, values.pop(key))
-    data = dict(type="PERSP", lens=50.0, sensor_width=36.0, sensor_height=24.0, sensor_fit="AUTO", shift_x=0.0, shift_y=0.0)
+    data = dict(type="PERSP", ortho_scale=6.0, lens=50.0, sensor_width=36.0, sensor_height=24.0, sensor_fit="AUTO", shift_x=0.0, shift_y=0.0)
     return SimpleNamespace(**(data | values), dof=dof)
 
 
@@ -139,8 +139,27 @@ class Camera(unittest.TestCase):
         self.assertIn("camera 'c': the blades", told.lines()[0])
 
     def test_others_are_refused(self):
-        with self.assertRaisesRegex(camera.SceneError, "camera 'c' is of the kind PANO"):
-            camera.frame_and_table("c", camera_of(type="PANO"), UPRIGHT, (1, 1), None, notices.Notices())
+        whole = dict(latitude_min=-math.pi / 2, latitude_max=math.pi / 2, longitude_min=-math.pi, longitude_max=math.pi)
+        for message, values in (
+            ("camera 'c' is a panorama of the kind MIRRORBALL", dict(type="PANO", panorama_type="MIRRORBALL")),
+            ("camera 'c' shows a part", dict(type="PANO", panorama_type="EQUIRECTANGULAR") | whole | dict(latitude_min=0.0)),
+            ("its picture has to be a square", dict(type="PANO", panorama_type="FISHEYE_EQUIDISTANT", fisheye_fov=3.0)),
+            ("camera 'c' is of the kind CUSTOM", dict(type="CUSTOM")),
+        ):
+            with self.assertRaisesRegex(camera.SceneError, message):
+                camera.frame_and_table("c", camera_of(**values), UPRIGHT, (2, 1), None, notices.Notices())
+        frame, table = camera.frame_and_table(
+            "c", camera_of(type="PANO", panorama_type="EQUIRECTANGULAR", **whole), UPRIGHT, (4, 2), (1, 0, 3, 1), notices.Notices()
+        )
+        self.assertEqual((table["type"], frame.window, frame.pixel), ("panorama", (1, 1, 3, 2), None))
+
+    def test_orthographic(self):
+        frame, table = camera.frame_and_table(
+            "c", camera_of(type="ORTHO", ortho_scale=6.0, shift_y=0.25), UPRIGHT, (60, 40), None, notices.Notices()
+        )
+        # Six metres across 60 pixels; the shift adds 15 rows above and below.
+        self.assertEqual((table["type"], table["height"], frame.window), ("orthographic", 7.0, (0, 0, 60, 40)))
+        self.assertEqual((frame.width, frame.height), (60, 70))
 
 
 def light(kind, energy=100.0, **values):
@@ -482,10 +501,12 @@ class Exr(unittest.TestCase):
         self.assertEqual(passes.layer(picture, "direct")[1, 0].tolist(), [4.0, 5.0, 6.0])
         # Blender's z is y, and its y is -z.
         self.assertEqual(passes.normal(picture)[1, 0].tolist(), [7.0, -9.0, 8.0])
-        depth = passes.depth(picture, 90.0)[..., 0]
+        depth = passes.depth(picture, framing.Frame(4, 4, (2, 0, 4, 2), 0.5))[..., 0]
         # The pixel at 2, 0 of 4 x 4: its middle is at 0.25 and 0.75 on a plane at the distance of one.
         self.assertAlmostEqual(depth[1, 0], 1.0 / math.sqrt(1 + 0.25**2 + 0.75**2), places=6)
         self.assertEqual(depth[0, 1], numpy.float32(passes.FAR))
+        flat = passes.depth(picture, framing.Frame(4, 4, (2, 0, 4, 2), 0.5, False))[..., 0]
+        self.assertEqual(flat[1].tolist(), [1.0, 2.0])
         self.assertEqual(passes.flat(depth).dtype, numpy.float32)
 
 
