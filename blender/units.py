@@ -2,7 +2,7 @@
 
 Blender gives point, spot and area lights in watts of radiant flux, and the sun in W/m^2 on a surface that faces it. A spot is a
 point light of that power with all light outside of the cone removed. Colours of materials and the world are radiance as they are.
-`tests/blender/test_blender.py` measures each of these on the program and on Cycles.
+`tests/blender/inside_light.py` measures each of these on the program and on Cycles.
 """
 
 from math import cos, pi
