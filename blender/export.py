@@ -31,14 +31,7 @@ def write(depsgraph, folder, size, border, notices):
     frame, camera_table = writer.camera(scene, size, border)
     writer.objects()
     tables = [("[camera]", camera_table), ("[film]", {"width": frame.width, "height": frame.height})]
-    if not writer.glb.is_empty:
-        with open(os.path.join(folder, "model.glb"), "wb") as file:
-            file.write(writer.glb.to_bytes())
-        # Faces without a material have one of the file, so that this one is never seen; the scene file wants it.
-        tables.append(("[materials.grey]", {"type": "lambert", "reflectance": 0.8}))
-        tables.append(
-            ("[[shapes]]", {"name": "model", "type": "mesh", "file": "model.glb", "materials": "file", "material": "grey"})
-        )
+    tables += writer.models()
     if not any(header == "[[shapes]]" for header, _ in tables + writer.lights):
         raise camera.SceneError("there is nothing to render: no object is a surface, and none is visible in renders; add one")
     tables += writer.lights
@@ -61,13 +54,34 @@ def _check_settings(scene, notices):
         notices.add(who, "pixels that are not square are not modelled; they are square")
 
 
+@dataclass(frozen=True)
+class _Look:
+    """How a material is written. `model`: the file of its meshes; the rest as `Meshes.primitives` takes it."""
+
+    model: str
+    number: int
+    uv_maps: tuple
+    colours: str
+
+
+class _Model:
+    """A GLB file. `tables`: what the scene file says of it, but for its shape; `shape`: that."""
+
+    def __init__(self, notices, tables, shape):
+        self.glb = Glb()
+        self.meshes = Meshes(self.glb, notices)
+        self.tables, self.shape = tables, shape
+
+
 class _Writer:
     def __init__(self, depsgraph, folder, notices):
         self.depsgraph, self.folder, self.notices = depsgraph, folder, notices
-        self.glb = Glb()
         self.lights = []
-        self._meshes = Meshes(self.glb, notices)
-        self._pictures = Pictures(self.glb, notices, lambda image: bpy.path.abspath(image.filepath, library=image.library))
+        # Faces without a material have one of the file, so that this one is never seen; the scene file wants it.
+        grey = [("[materials.grey]", {"type": "lambert", "reflectance": 0.8})]
+        self._models = {"model": _Model(notices, grey, {"materials": "file", "material": "grey"})}
+        path_of = lambda image: bpy.path.abspath(image.filepath, library=image.library)  # noqa: E731
+        self._pictures = Pictures(self._models["model"].glb, notices, path_of)
         self._looks = {}
         self._shared = {}
         self._names = {}
@@ -141,35 +155,70 @@ class _Writer:
         if thing.type != "MESH":
             key = (thing.original.as_pointer(),) + key
         if key not in self._shared:
-            try:
-                mesh = thing.to_mesh()
-            except RuntimeError:
-                mesh = None
-            primitives = self._meshes.primitives(mesh, [self._look(material) for material in slots], who) if mesh else []
-            thing.to_mesh_clear()
-            self._shared[key] = self.glb.mesh(thing.name, primitives) if primitives else None
-        mesh = self._shared[key]
-        if mesh is not None:
-            columns = [matrix[row][column] for column in range(4) for row in range(4)]
-            self.glb.place(thing.name, mesh, columns)
+            self._shared[key] = self._written(thing, slots, who)
+        columns = [matrix[row][column] for column in range(4) for row in range(4)]
+        for model, mesh in self._shared[key]:
+            self._models[model].glb.place(thing.name, mesh, columns)
+
+    def _written(self, thing, slots, who):
+        """Writes the mesh of an object: pairs of a model and the number of the mesh in it."""
+        looks = [self._look(material) for material in slots]
+        try:
+            mesh = thing.to_mesh()
+        except RuntimeError:
+            # What Blender has no mesh for, as an empty text.
+            return []
+        found = []
+        for name in dict.fromkeys(look.model for look in looks if look):
+            own = [(look.number, look.uv_maps, look.colours) if look and look.model == name else None for look in looks]
+            model = self._models[name]
+            primitives = model.meshes.primitives(mesh, own, who)
+            if primitives:
+                found.append((name, model.glb.mesh(thing.name, primitives)))
+        thing.to_mesh_clear()
+        return found
 
     def _look(self, material):
-        """The number of a material in the file and its UV maps; None where light passes as if nothing were there."""
+        """The look of a material; None where light passes as if nothing were there."""
         key = material.as_pointer() if material else 0
         if key not in self._looks:
             found = materials.surface_of(material, self.notices)
             name = material.name if material else "without a material"
-            if found is not None:
-                who = f"material '{name}'"
-                maps = found.uv_maps
+            if found is None:
+                self._looks[key] = None
+            elif found.scatters:
+                self._looks[key] = _Look(self._body(found), None, (), None)
+            else:
+                who, maps = f"material '{name}'", tuple(found.uv_maps)
                 slot, both = self._pictures.slot(maps), self._pictures.slot_of_both(maps, who)
                 plain = self._pictures.slot(maps, is_colour=False)
                 written = surface.material(found, name, lambda texture: plain(texture) if texture == found.normal else slot(texture), both)
-                found = (self.glb.material(written), maps, found.base.colours)
-            self._looks[key] = found
+                self._looks[key] = _Look("model", self._models["model"].glb.material(written), maps, found.base.colours)
         return self._looks[key]
 
+    def _body(self, found):
+        """The model of bodies whose inside scatters, which a scene file says beside it."""
+        name = f"body-{len(self._models)}"
+        border = {"type": "dielectric", "inside": name, "roughness": float(found.roughness.value) ** 2}
+        tables = [(f"[media.{name}]", found.inside.table(found.ior)), (f"[materials.{name}]", border)]
+        self._models[name] = _Model(self.notices, tables, {"material": name})
+        return name
+
+    def models(self):
+        """Writes the GLB files, and yields the tables that name them."""
+        tables = []
+        for name, model in self._models.items():
+            if model.glb.is_empty:
+                continue
+            with open(os.path.join(self.folder, f"{name}.glb"), "wb") as file:
+                file.write(model.glb.to_bytes())
+            shape = {"name": name, "type": "mesh", "file": f"{name}.glb"} | model.shape
+            tables += model.tables + [("[[shapes]]", shape)]
+        return tables
+
     def world(self, own):
+        inside = world.medium(own, self.notices)
+        filled = [("[media.world]", inside.table(1.0) | {"fills": "scene"})] if inside else []
         tables, image = world.tables(own, self.notices)
         for table, name in zip(tables, ("world", "sun of the world")):
             table["name"] = self._unique(name)
@@ -177,9 +226,9 @@ class _Writer:
             path = self._environment(image)
             if path is None:
                 self.notices.add(f"world '{own.name}'", "its picture is missing; it gives no light")
-                return []
+                return filled
             tables[0]["image"] = path
-        return [("[[lights]]", table) for table in tables]
+        return filled + [("[[lights]]", table) for table in tables]
 
     def _environment(self, image):
         """The path of a picture of radiance."""

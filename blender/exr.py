@@ -6,6 +6,7 @@ channel of a pass that a file lacks: cardioid's pictures have no alpha. Format: 
 
 import struct
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy
@@ -64,13 +65,18 @@ def _parse(data):
     count = -(-height // per_chunk)
     offsets = struct.unpack_from(f"<{count}Q", data, position)
     rows = numpy.empty((height, line_bytes), numpy.uint8)
-    for offset in offsets:
+
+    def read_chunk(offset):
         y, size = struct.unpack_from("<ii", data, offset)
         lines = min(per_chunk, y1 - y)
         if not y0 <= y < y1 or size < 0 or offset + 8 + size > len(data):
             raise ValueError("a chunk outside of the picture or the file")
         packed = data[offset + 8 : offset + 8 + size]
         rows[y - y0 : y - y0 + lines] = _unpacked(packed, lines * line_bytes, compression).reshape(lines, line_bytes)
+
+    # Large pieces of work in zlib and numpy, which leave the interpreter to other threads.
+    with ThreadPoolExecutor() as threads:
+        list(threads.map(read_chunk, offsets))
     found, start = {}, 0
     for name, kind in channels:
         dtype, size = _TYPES[kind]

@@ -1,8 +1,8 @@
 """Blender's materials as surfaces: the nodes of the shaders, and what of them cannot be told."""
 
 from .nodes import Graph, tree_of
-from .surface import Amount, Surface, added, black, matt, mixed
-from .units import absorption, scaled
+from .surface import Amount, Medium, Surface, added, black, matt, mixed
+from .units import absorption, principled_absorption, scaled, scattering
 
 
 def surface_of(material, notices):
@@ -22,7 +22,12 @@ def surface_of(material, notices):
     if output is None:
         graph.say("there is no output of the material; it is black")
         return black()
-    surface = _of_socket(graph, output.inputs["Surface"], ())
+    found = graph.source(output.inputs["Surface"])
+    if found is None and graph.source(output.inputs["Volume"]) is not None:
+        # A volume alone has no surface.
+        surface = None
+    else:
+        surface = _of_socket(graph, output.inputs["Surface"], ())
     surface = _with_volume(graph, output.inputs["Volume"], surface)
     displaced = graph.source(output.inputs["Displacement"])
     if displaced is not None:
@@ -245,24 +250,9 @@ _SHADERS = {
 
 
 def _with_volume(graph, socket, surface):
-    """The surface with what is inside of it: absorption, which needs a surface that light passes."""
-    found = graph.source(socket)
-    if found is None or found[0] is None:
-        return surface
-    node, _, stack = found
-    if node.type == "VOLUME_ABSORPTION":
-        colour = graph.colour(node.inputs["Color"], stack)
-        inside = absorption(colour, graph.number(node.inputs["Density"], stack))
-    elif node.type == "VOLUME_COEFFICIENTS":
-        # Blender has these as vectors.
-        inside = tuple(node.inputs["Absorption Coefficients"].default_value)
-        others = ("Scatter Coefficients", "Emission Coefficients")
-        if any(max(node.inputs[name].default_value) > 0.0 for name in others if name in node.inputs):
-            graph.say("light that its volume scatters or emits is not modelled; the volume absorbs alone")
-    else:
-        graph.say(f"the volume '{node.name}' is not modelled; it is left out")
-        return surface
-    if max(inside) <= 0.0:
+    """The surface with what is inside of it, which needs a surface that light passes."""
+    inside = medium_of(graph, graph.source(socket))
+    if inside is None or max(inside.absorption + inside.scattering) <= 0.0:
         return surface
     if surface is None:
         # A volume without a surface: a border that does not bend light.
@@ -272,5 +262,70 @@ def _with_volume(graph, socket, surface):
     if surface.transmission <= 0.0:
         graph.say("its volume is not seen, because its surface transmits no light")
         return surface
-    surface.absorption = inside
+    surface.inside = inside
+    if surface.scatters:
+        if surface.transmission < 1.0 or surface.base.texture or min(surface.base.value) < 1.0:
+            graph.say("around a volume that scatters, the surface is clear glass, without a colour of its own")
+        if surface.roughness.texture or surface.normal or surface.coat > 0.0 or surface.emits:
+            graph.say("around a volume that scatters, pictures, coat and emission of the surface are not modelled")
     return surface
+
+
+def medium_of(graph, found):
+    """What a volume shader stands for, by its source; None where there is none, or none that is modelled."""
+    if found is None or found[0] is None:
+        return None
+    node, _, stack = found
+    inputs = node.inputs
+    if node.type == "ADD_SHADER":
+        parts = [medium_of(graph, graph.source(socket, stack)) or Medium() for socket in inputs]
+        return _sum(graph, *parts)
+    if node.type == "VOLUME_ABSORPTION":
+        colour, density = graph.colour(inputs["Color"], stack), graph.number(inputs["Density"], stack)
+        return Medium(absorption=absorption(colour, density))
+    if node.type == "VOLUME_SCATTER":
+        colour, density = graph.colour(inputs["Color"], stack), graph.number(inputs["Density"], stack)
+        return Medium(scattering=scattering(colour, density), **_phase(graph, node, stack))
+    if node.type == "PRINCIPLED_VOLUME":
+        colour, density = graph.colour(inputs["Color"], stack), graph.number(inputs["Density"], stack)
+        absorbing = graph.colour(inputs["Absorption Color"], stack)
+        if graph.number(inputs["Emission Strength"], stack) > 0.0 or graph.number(inputs["Blackbody Intensity"], stack) > 0.0:
+            graph.say("light that its volume emits is not modelled")
+        return Medium(
+            principled_absorption(colour, absorbing, density), scattering(colour, density), **_phase(graph, node, stack)
+        )
+    if node.type == "VOLUME_COEFFICIENTS":
+        # Blender has these as vectors.
+        taken, scattered, emitted = (
+            tuple(max(x, 0.0) for x in inputs[f"{name} Coefficients"].default_value)
+            for name in ("Absorption", "Scatter", "Emission")
+        )
+        if max(emitted) > 0.0:
+            graph.say("light that its volume emits is not modelled")
+        return Medium(taken, scattered, **_phase(graph, node, stack))
+    graph.say(f"the volume '{node.name}' is not modelled; it is left out")
+    return None
+
+
+def _phase(graph, node, stack):
+    kind = getattr(node, "phase", "HENYEY_GREENSTEIN")
+    if kind == "RAYLEIGH":
+        return {"phase": "rayleigh"}
+    if kind != "HENYEY_GREENSTEIN":
+        graph.say(f"the phase function {kind} is not modelled; that of Henyey and Greenstein is used")
+    return {"g": min(max(graph.number(node.inputs["Anisotropy"], stack), -0.99), 0.99)}
+
+
+def _sum(graph, one, two):
+    """Two media in the same place. Where both scatter, directions are those of the mean."""
+    weights = [sum(medium.scattering) for medium in (one, two)]
+    absorbed, scattered = (
+        tuple(a + b for a, b in zip(*sides))
+        for sides in ((one.absorption, two.absorption), (one.scattering, two.scattering))
+    )
+    if min(weights) > 0.0 and (one.g, one.phase) != (two.g, two.phase):
+        graph.say("volumes that scatter in different ways are mixed; they scatter by their mean")
+        g = (weights[0] * one.g + weights[1] * two.g) / sum(weights)
+        return Medium(absorbed, scattered, g)
+    first = one if weights[0] > 0.0 else two
+    return Medium(absorbed, scattered, first.g, first.phase)

@@ -12,8 +12,8 @@ class Meshes:
         self._glb, self._notices = glb, notices
 
     def primitives(self, mesh, looks, who):
-        """The primitives of a mesh. `looks`: for each of its materials the number in the file, the names of its UV maps and the name of
-        its colour attribute or None; None for faces that are not there."""
+        """The primitives of a mesh. `looks`: for each of its materials the number in the file or None, the names of its UV maps, and the
+        name of its colour attribute or None; None for faces that are not there."""
         mesh.calc_loop_triangles()
         count = len(mesh.loop_triangles)
         if count == 0:
@@ -61,9 +61,8 @@ class Meshes:
             if len(uv_maps) > 2:
                 self._notices.add(who, "a material reads more than two UV maps; pictures on the others show one colour")
             data = numpy.ascontiguousarray(own, dtype="<u4").tobytes()
-            found.append(
-                {"attributes": used, "indices": self._glb.numbers(data, UNSIGNED_INT, "SCALAR"), "material": material}
-            )
+            primitive = {"attributes": used, "indices": self._glb.numbers(data, UNSIGNED_INT, "SCALAR")}
+            found.append(primitive if material is None else primitive | {"material": material})
         return found
 
     def _vectors(self, values, bounds=False):

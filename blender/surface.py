@@ -32,6 +32,21 @@ class Amount:
     colours: str = None
 
 
+@dataclass(frozen=True)
+class Medium:
+    """What fills a body: coefficients in 1/m, and the mean cosine of what it scatters, or another phase function by its name."""
+
+    absorption: tuple = (0.0, 0.0, 0.0)
+    scattering: tuple = (0.0, 0.0, 0.0)
+    g: float = 0.0
+    phase: str = None
+
+    def table(self, ior):
+        """The table `[media.NAME]` of a scene file."""
+        table = {"ior": float(ior), "absorption": self.absorption, "scattering": self.scattering}
+        return table | ({"phase": self.phase} if self.phase else {"g": self.g})
+
+
 @dataclass
 class Surface:
     base: Amount = field(default_factory=lambda: Amount((0.8, 0.8, 0.8)))
@@ -45,8 +60,8 @@ class Surface:
     transmission: float = 0.0
     #: Whether light that passes a border is multiplied by the colour, or by its root (Principled).
     tints_each_border: bool = False
-    #: 1/m.
-    absorption: tuple = (0.0, 0.0, 0.0)
+    #: What is inside, where light passes.
+    inside: Medium = Medium()
     #: Whether its mesh is the border of a body even where it is open.
     is_border: bool = False
     #: Radiance, W/(m^2 sr).
@@ -60,6 +75,11 @@ class Surface:
     @property
     def emits(self):
         return max(self.emission) > 0.0
+
+    @property
+    def scatters(self):
+        """Whether its inside scatters, which glTF cannot say."""
+        return max(self.inside.scattering) > 0.0
 
     @property
     def textures(self):
@@ -100,7 +120,7 @@ def material(surface, name, slot, slot_of_both, double_sided=True):
         for key, amount in (("roughnessFactor", surface.roughness), ("metallicFactor", surface.metallic)):
             if amount.texture:
                 pbr[key] = 1.0
-    has_volume = surface.transmission > 0.0 and (max(surface.absorption) > 0.0 or surface.is_border)
+    has_volume = surface.transmission > 0.0 and (max(surface.inside.absorption) > 0.0 or surface.is_border)
     if surface.base.colours is not None:
         colour = [1.0, 1.0, 1.0]
     elif surface.base.texture:
@@ -129,10 +149,10 @@ def material(surface, name, slot, slot_of_both, double_sided=True):
         extensions["KHR_materials_transmission"] = {"transmissionFactor": surface.transmission}
         if has_volume:
             volume = {"thicknessFactor": 1.0}
-            most = max(surface.absorption)
+            most = max(surface.inside.absorption)
             if most > 0.0:
                 volume["attenuationDistance"] = 1.0 / most
-                volume["attenuationColor"] = [exp(-channel / most) for channel in surface.absorption]
+                volume["attenuationColor"] = [exp(-channel / most) for channel in surface.inside.absorption]
             extensions["KHR_materials_volume"] = volume
     if surface.coat > 0.0:
         extensions["KHR_materials_clearcoat"] = {

@@ -5,7 +5,7 @@ point light of that power with all light outside of the cone removed. Colours of
 `tests/blender/inside_light.py` measures each of these on the program and on Cycles.
 """
 
-from math import cos, pi
+from math import cos, pi, sqrt
 
 #: Luminous efficacy of one watt, lm/W, by which glTF's nits and candelas become watts (docs/gltf.md).
 LUMENS_PER_WATT = 683.0
@@ -33,7 +33,22 @@ def area_radiance(watts, area):
 
 def absorption(colour, density):
     """Absorption coefficient (1/m) of Blender's Volume Absorption: what is not the colour, times the density."""
-    return tuple(max(density, 0.0) * (1.0 - min(max(channel, 0.0), 1.0)) for channel in colour)
+    return tuple(max(density, 0.0) * (1.0 - share) for share in _shares(colour))
+
+
+def scattering(colour, density):
+    """Scattering coefficient (1/m) of Blender's Volume Scatter: the colour times the density."""
+    return tuple(max(density, 0.0) * max(channel, 0.0) for channel in colour)
+
+
+def principled_absorption(colour, absorbing, density):
+    """Absorption coefficient (1/m) of Blender's Principled Volume: what is neither its colour nor the root of the colour of absorption."""
+    shares = zip(_shares(colour), _shares(absorbing))
+    return tuple(max(density, 0.0) * (1.0 - share) * (1.0 - sqrt(kept)) for share, kept in shares)
+
+
+def _shares(colour):
+    return tuple(min(max(channel, 0.0), 1.0) for channel in colour)
 
 
 def spot_falloff(cosine, half_angle, blend):

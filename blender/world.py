@@ -6,6 +6,7 @@ Works on anything that has the attributes of Blender's worlds and nodes.
 from math import cos, degrees, exp, sin
 
 from . import units
+from .materials import medium_of
 from .nodes import Graph, tree_of
 
 #: Turn of an environment image, degrees: Blender has +x in its middle, and scene files have -z.
@@ -25,12 +26,24 @@ def tables(world, notices):
     output = tree.get_output_node("CYCLES")
     if output is None:
         return [], None
-    if graph.source(output.inputs["Volume"]) is not None:
-        graph.say("the volume of the world is not modelled; it is left out")
     found = graph.source(output.inputs["Surface"])
     if found is None or found[0] is None:
         return [], None
     return _of_shader(graph, *found)
+
+
+def medium(world, notices):
+    """What fills the world; None where that is nothing."""
+    tree = tree_of(world) if world is not None else None
+    output = tree.get_output_node("CYCLES") if tree is not None else None
+    if output is None:
+        return None
+    graph = Graph(f"world '{world.name}'", notices)
+    found = medium_of(graph, graph.source(output.inputs["Volume"]))
+    if found is None or max(found.absorption + found.scattering) <= 0.0:
+        return None
+    graph.say("its volume fills a box around the scene, half as large again; Blender's has no end")
+    return found
 
 
 def _constant(radiance):

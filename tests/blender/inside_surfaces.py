@@ -6,7 +6,7 @@ import unittest
 
 import bpy
 import numpy
-from stage import box, by_cycles, empty_scene, eye, lamp, material, mean, mesh, plane, render, white, world
+from stage import box, by_cycles, empty_scene, eye, lamp, material, mean, mesh, nodes_of, plane, render, white, world
 
 from blender import export, notices
 
@@ -75,6 +75,51 @@ class Surfaces(unittest.TestCase):
             self.skipTest("Blender 4.2 has no node of coefficients")
         passed = self.through_slab("ShaderNodeBsdfGlass", (1.0, 5.0, 9.0), Color=(1, 1, 1, 1), Roughness=0.0, IOR=1.5)
         numpy.testing.assert_allclose(passed, [self.slab(1.5, math.exp(-0.1 * c)) for c in (1.0, 5.0, 9.0)], atol=0.01)
+
+    def test_volumes_that_scatter(self):
+        """A body with and without a surface, before an emitter and under a sky, as bright as in Cycles."""
+        scatter = {"Color": (0.9, 0.6, 0.3, 1.0), "Density": 8.0, "Anisotropy": 0.5}
+        for surface, kind, values in (
+            (None, "ShaderNodeVolumeScatter", scatter),
+            ("ShaderNodeBsdfGlass", "ShaderNodeVolumeScatter", scatter),
+            (None, "ShaderNodeVolumePrincipled", scatter | {"Absorption Color": (0.5, 0.2, 0.1, 1.0)}),
+        ):
+            with self.subTest(surface=surface, kind=kind):
+                empty_scene(extra="--spp 1024")
+                look = bpy.data.materials.new("fog")
+                tree = nodes_of(look)
+                output, volume = tree.nodes.new("ShaderNodeOutputMaterial"), tree.nodes.new(kind)
+                for name, value in values.items():
+                    volume.inputs[name].default_value = value
+                tree.links.new(volume.outputs[0], output.inputs["Volume"])
+                if surface:
+                    shader = tree.nodes.new(surface)
+                    shader.inputs["Color"].default_value, shader.inputs["Roughness"].default_value = (1, 1, 1, 1), 0.0
+                    shader.inputs["IOR"].default_value = 1.3
+                    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+                box(look, (-0.3, -0.3, 0), (0.3, 0.3, 0.2))
+                plane(material("glow", "ShaderNodeEmission", Strength=2.0), half=0.1, place=(0, 0, -0.1))
+                world((0.2, 0.3, 0.5))
+                eye(place=(0, 0, 2))
+                own, other = render(), by_cycles(1024)
+                for channel in range(3):
+                    self.assertAlmostEqual(mean(own, channel=channel) / mean(other, channel=channel), 1.0, delta=0.04)
+                # Coefficients differ by channel, and so do the pictures.
+                self.assertGreater(abs(mean(own, channel=0) - mean(own, channel=2)), 0.1)
+
+    def test_fog_fills_the_world(self):
+        """What a ray loses on its way through fog that absorbs; the box around the scene holds the eye."""
+        empty_scene()
+        plane(material("glow", "ShaderNodeEmission", Strength=2.0), half=4.0)
+        tree, _ = world()
+        volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
+        volume.inputs["Color"].default_value, volume.inputs["Density"].default_value = (0.8, 0.6, 0.0, 1.0), 0.5
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_WORLD")
+        tree.links.new(volume.outputs[0], output.inputs["Volume"])
+        eye(place=(0, 0, 2))
+        found = render()
+        for channel, share in enumerate((0.2, 0.4, 1.0)):
+            self.assertAlmostEqual(mean(found, channel=channel), 2.0 * math.exp(-0.5 * share * 2.0), delta=0.01)
 
     def test_open_meshes_are_sheets_or_borders(self):
         """A ray through one plane of glass at 45 degrees is bent where the material is the border of a body."""

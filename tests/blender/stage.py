@@ -140,7 +140,9 @@ def by_cycles(samples=64):
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_adaptive_sampling, scene.cycles.use_denoising = samples, False, False
     scene.cycles.pixel_filter_type = "BOX"
-    scene.cycles.max_bounces = 32
+    for kind in ("max", "volume", "transmission", "glossy", "diffuse"):
+        setattr(scene.cycles, f"{kind}_bounces", 100)
+    scene.cycles.blur_glossy = 0.0
     scene.cycles.sample_clamp_indirect = 0.0
     found = render()
     scene.render.engine = "CARDIOID"

@@ -239,7 +239,7 @@ class Surfaces(unittest.TestCase):
         self.assertEqual(self.material(own)["pbrMetallicRoughness"]["baseColorFactor"], [0.0625, 1.0, 0.25, 1.0])
 
     def test_absorption(self):
-        own = surface.Surface(base=surface.Amount((0.25, 1.0, 1.0)), transmission=1.0, absorption=(0.0, 2.0, 8.0))
+        own = surface.Surface(base=surface.Amount((0.25, 1.0, 1.0)), transmission=1.0, inside=surface.Medium((0.0, 2.0, 8.0)))
         told = self.material(own)
         volume = told["extensions"]["KHR_materials_volume"]
         back = [-math.log(share) / volume["attenuationDistance"] for share in volume["attenuationColor"]]
