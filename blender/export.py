@@ -35,7 +35,7 @@ def write(depsgraph, folder, size, border, notices):
     if not any(header == "[[shapes]]" for header, _ in tables + writer.lights):
         raise camera.SceneError("there is nothing to render: no object is a surface, and none is visible in renders; add one")
     tables += writer.lights
-    tables += writer.world(scene.world)
+    tables += writer.world(getattr(depsgraph.view_layer, "world_override", None) or scene.world)
     path = os.path.join(folder, "scene.toml")
     with open(path, "w", encoding="utf-8") as file:
         file.write(toml_text.document(tables, [("name", scene.name)]))
@@ -46,6 +46,9 @@ def write(depsgraph, folder, size, border, notices):
 def _check_settings(scene, notices):
     render = scene.render
     who = f"scene '{scene.name}'"
+    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", "Linear Rec.709")
+    if space != "Linear Rec.709":
+        notices.add(who, f"the working space {space} is not modelled; colours are taken as those of Linear Rec.709")
     if render.use_motion_blur:
         notices.add(who, "motion blur is not modelled; the picture is sharp")
     if render.film_transparent:
@@ -77,6 +80,7 @@ class _Writer:
     def __init__(self, depsgraph, folder, notices):
         self.depsgraph, self.folder, self.notices = depsgraph, folder, notices
         self.lights = []
+        self._override = depsgraph.view_layer.material_override
         # Faces without a material have one of the file, so that this one is never seen; the scene file wants it.
         grey = [("[materials.grey]", {"type": "lambert", "reflectance": 0.8})]
         self._models = {"model": _Model(notices, grey, {"materials": "file", "material": "grey"})}
@@ -121,6 +125,11 @@ class _Writer:
                 self.notices.add(f"object '{thing.name}'", f"objects of the kind {thing.type} are not modelled; it is left out")
 
     def _light(self, thing, matrix):
+        who = f"light '{thing.name}'"
+        if getattr(getattr(thing.data, "cycles", None), "is_portal", False):
+            self.notices.add(who, "a portal is no light of its own; it is left out")
+            return
+        self._check_linking(thing, who)
         name = self._unique(thing.name)
         tables, text = lamps.tables(name, thing.data, _rows(matrix), self.notices)
         for header, table in tables:
@@ -129,10 +138,13 @@ class _Writer:
                 with open(os.path.join(self.folder, table["file"]), "w", encoding="ascii") as file:
                     file.write(text)
             if header == "[[shapes]]" and self._is_seen(tuple(matrix.translation)):
-                self.notices.add(
-                    f"light '{thing.name}'", "the camera may see it as a bright shape, where Cycles hides lights; move it out of the picture"
-                )
+                self.notices.add(who, "the camera may see it as a bright shape, where Cycles hides lights; move it out of the picture")
             self.lights.append((header, table))
+
+    def _check_linking(self, thing, who):
+        linking = getattr(thing, "light_linking", None)
+        if linking and (linking.receiver_collection or linking.blocker_collection):
+            self.notices.add(who, "light linking is not modelled; all objects get its light and cast its shadows")
 
     def _unique(self, name):
         """Names of lights are unique in a scene file."""
@@ -149,7 +161,12 @@ class _Writer:
             getattr(thing, f"visible_{ray}", True) for ray in ("camera", "diffuse", "glossy", "transmission", "shadow", "volume_scatter")
         ):
             self.notices.add(who, "visibility by the kind of ray is not modelled; all rays see it")
+        self._check_linking(thing, who)
+        if any(system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in thing.particle_systems):
+            self.notices.add(who, "its hair is not modelled; it is left out")
         slots = [slot.material for slot in thing.material_slots] or [None]
+        if self._override:
+            slots = [self._override] * len(slots)
         # Objects that share an evaluated mesh and its materials share it in the file.
         key = (thing.data.as_pointer(), tuple(material.as_pointer() if material else 0 for material in slots))
         if thing.type != "MESH":
@@ -217,6 +234,10 @@ class _Writer:
         return tables
 
     def world(self, own):
+        visible = getattr(own, "cycles_visibility", None)
+        kinds = ("camera", "diffuse", "glossy", "transmission", "scatter")
+        if visible and not all(getattr(visible, kind, True) for kind in kinds):
+            self.notices.add(f"world '{own.name}'", "visibility by the kind of ray is not modelled; all rays see it")
         inside = world.medium(own, self.notices)
         filled = [("[media.world]", inside.table(1.0) | {"fills": "scene"})] if inside else []
         tables, image = world.tables(own, self.notices)

@@ -79,6 +79,8 @@ def _principled(graph, node, stack):
     tint = graph.colour(inputs["Specular Tint"], stack)
     surface.specular = min(level, 1.0)
     surface.specular_colour = scaled(tint, max(level, 1.0))
+    if min(tint) < 1.0 and (surface.metallic.texture or surface.metallic.value > 0.0):
+        graph.say("the tint of the edges of metal is not modelled; it turns white at grazing angles")
     if "Thin Wall" in inputs and inputs["Thin Wall"].default_value:
         graph.say("a thin wall is a sheet where its mesh is open, and a body of glass where it is closed")
     if surface.transmission > 0.0 and level != 1.0:

@@ -4,23 +4,29 @@ import bpy
 
 ENGINE = "CARDIOID"
 
-#: Panels of all engines that say what cardioid does not do.
-_LEFT_OUT = {
-    "RENDER_PT_simplify",
+#: Panels of all engines, by the beginning of their names, that say what cardioid does not do, or what a panel below says better.
+_LEFT_OUT = (
+    "DATA_PT_light",
+    # It shares the engines of the one above.
+    "NODE_DATA_PT_light",
     "RENDER_PT_freestyle",
-    "VIEWLAYER_PT_filter",
-    "VIEWLAYER_PT_layer_passes",
+    "RENDER_PT_gpencil",
+    "RENDER_PT_grease_pencil",
+    "RENDER_PT_stereoscopy",
     "VIEWLAYER_PT_freestyle",
-    "WORLD_PT_viewport_display",
-}
+    "MATERIAL_PT_freestyle",
+)
 
-#: Panels of EEVEE alone that show the nodes of materials, of the world and of lights.
+#: Panels of EEVEE that show the nodes of materials and worlds, lights, and the focus of cameras.
 _OF_EEVEE = (
     "EEVEE_MATERIAL_PT_context_material",
     "EEVEE_MATERIAL_PT_surface",
     "EEVEE_MATERIAL_PT_volume",
     "EEVEE_WORLD_PT_surface",
+    "EEVEE_WORLD_PT_volume",
     "DATA_PT_EEVEE_light",
+    "DATA_PT_camera_dof",
+    "DATA_PT_camera_dof_aperture",
 )
 
 
@@ -95,7 +101,7 @@ _CLASSES = (CARDIOID_PT_render, CARDIOID_PT_passes, CARDIOID_PT_material)
 def _blenders_panels():
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", None)
-        if engines is None or panel.__name__ in _LEFT_OUT:
+        if engines is None or panel.__name__.startswith(_LEFT_OUT):
             continue
         if "BLENDER_RENDER" in engines or panel.__name__ in _OF_EEVEE:
             yield engines

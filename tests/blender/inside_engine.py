@@ -10,7 +10,8 @@ import bpy
 import numpy
 from stage import ROOT, by_cycles, empty_scene, eye, lamp, material, mean, plane, render, white, world
 
-from blender import engine, exr, export, notices, program
+import blender
+from blender import engine, exr, export, notices, panels, program
 
 
 class Passes(unittest.TestCase):
@@ -66,7 +67,10 @@ class Passes(unittest.TestCase):
         world()
         second = scene.view_layers.new("second")
         second.layer_collection.children["hidden"].exclude = True
+        third = scene.view_layers.new("third")
+        third.material_override = material("over", "ShaderNodeEmission", Strength=5.0)
         found = render()
+        self.assertAlmostEqual(mean(found, "third.Combined"), 5.0, delta=1e-4)
         self.assertAlmostEqual(mean(found), 3.0, delta=1e-4)
         self.assertAlmostEqual(mean(found, "second.Combined"), 2.0, delta=1e-4)
         self.assertAlmostEqual(mean(found, "second.emission"), 2.0, delta=1e-4)
@@ -135,6 +139,27 @@ class Page(unittest.TestCase):
         self.assertEqual(found["caustics"].shape, (48, 64, 3))
         # Below the glass and to the right of it.
         self.assertGreater(found["caustics"][30:, 30:, 1].max(), 0.3 * found["direct"][..., 1].max())
+
+
+class Panels(unittest.TestCase):
+    def test_blenders_panels(self):
+        """Those of lights, materials, worlds and cameras are shown, and none twice."""
+        blender.unregister()
+        import bl_ui
+
+        before = {panel.__name__ for panel in self.shown()}
+        blender.register()
+        shown = {panel.__name__ for panel in self.shown()}
+        self.assertEqual(before, set())
+        for name in panels._OF_EEVEE + ("RENDER_PT_format", "RENDER_PT_color_management", "DATA_PT_lens", "DATA_PT_spot"):
+            self.assertIn(name, shown)
+        self.assertFalse([name for name in shown if "freestyle" in name])
+        self.assertNotIn("DATA_PT_light", shown)
+        self.assertIsNotNone(bl_ui)
+
+    @staticmethod
+    def shown():
+        return [p for p in bpy.types.Panel.__subclasses__() if "CARDIOID" in getattr(p, "COMPAT_ENGINES", ())]
 
 
 class Extension(unittest.TestCase):

@@ -228,9 +228,13 @@ class Surfaces(unittest.TestCase):
         eye()
         world()
         scene.render.use_motion_blur = True
+        hairy = plane(look, half=0.1, name="hairy")
+        hairy.modifiers.new("hair", "PARTICLE_SYSTEM")
+        hairy.particle_systems[0].settings.type = "HAIR"
         # One lamp in the picture, one behind the camera.
         lamp("AREA", 10.0, place=(0, 0, 0.5), turn=(math.pi, 0, 0), size=0.001)
-        lamp("AREA", 10.0, place=(0, 0, 2.0), size=0.001)
+        linked = lamp("AREA", 10.0, place=(0, 0, 2.0), size=0.001)
+        linked.light_linking.receiver_collection = bpy.data.collections.new("lit")
         told = notices.Notices()
         with tempfile.TemporaryDirectory() as folder:
             export.write(bpy.context.evaluated_depsgraph_get(), folder, (8, 8), None, told)
@@ -241,6 +245,8 @@ class Surfaces(unittest.TestCase):
             "light 'SPOT': the size of a spot is not modelled",
             "motion blur is not modelled",
             "light 'AREA': the camera may see it as a bright shape",
+            "light 'AREA.001': light linking is not modelled",
+            "object 'hairy': its hair is not modelled",
         ):
             self.assertIn(part, lines)
-        self.assertEqual(len(told), 5, lines)
+        self.assertEqual(len(told), 7, lines)
