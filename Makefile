@@ -3,7 +3,7 @@
 SCENE := scenes/cornell-spheres.toml
 PICTURE := out/cornell-spheres.exr
 
-.PHONY: demo test test-isa readme bench peers results quality accuracy blender test-blender check fmt clippy doc setup
+.PHONY: demo test test-isa test-cluster readme bench peers results quality accuracy blender test-blender check fmt clippy doc setup
 
 # Renders a scene, in a minute or so.
 demo: setup
@@ -26,6 +26,11 @@ test-isa: setup
 	    echo "== $$isa"; \
 	    CARDIOID_ISA=$$isa cargo test $(TESTS) || exit 1; \
 	done
+
+# Parts and a merge on a Slurm cluster of two nodes on this machine, where tasks and a node die. Needs root; skipped where Slurm cannot be installed.
+test-cluster: setup
+	cargo build --release
+	tests/cluster/slurm.sh target/release/cardioid
 
 # Every line of README.md that starts the program, at quick settings, in a copy of this folder.
 readme: setup

@@ -10,7 +10,9 @@ use cardioid::media::read_vdb;
 use cardioid::photons::{
     GroupFile, GroupWriter, Photon, PhotonClass, PhotonMap, PhotonOrder, read_photon_maps, write_photon_file,
 };
-use cardioid::render::{MapKind, blank_checkpoint_bytes, parse_checkpoint_bytes};
+use cardioid::render::{
+    MapKind, blank_checkpoint_bytes, blank_part_bytes, parse_checkpoint_bytes, parse_part_bytes,
+};
 use cardioid::scene_file::mesh::{MeshReport, TriangleMesh};
 use cardioid::scene_file::obj::{ObjFile, parse_mtl_bytes, parse_obj_bytes};
 use cardioid::scene_file::ply::{MEMORY_FACTOR, parse_ply};
@@ -22,9 +24,9 @@ use openvdb_sys::{Dense, GridClass, is_compiled};
 use std::path::Path;
 
 /// Names of the targets.
-pub(crate) const TARGETS: [&str; 13] = [
+pub(crate) const TARGETS: [&str; 14] = [
     "ply", "obj", "stl", "scene", "photons", "bricks", "groups", "gltf", "ies", "rounds", "mitsuba", "pbrt",
-    "vdb",
+    "vdb", "parts",
 ];
 
 /// Pixels of the render in rounds.
@@ -239,8 +241,35 @@ pub(crate) fn execute(target: &str, bytes: &[u8]) -> bool {
                 }
             }
         }
+        "parts" => {
+            // As it is, and with checksums that fit.
+            let read = |bytes: &[u8]| parse_part_bytes(bytes, Path::new("a.part"), 1 << 16);
+            let first = read(bytes).is_ok();
+            match read(&with_checksums(bytes)) {
+                Ok(_) => true,
+                Err(error) => {
+                    assert!(error.to_string().contains("a.part"), "{error}");
+                    first
+                }
+            }
+        }
         other => panic!("no target `{other}`"),
     }
+}
+
+/// The bytes of a part, whose chunks have the checksums of what they hold now.
+fn with_checksums(bytes: &[u8]) -> Vec<u8> {
+    let mut sealed = bytes.to_vec();
+    let mut at = 20;
+    while let Some(length) = sealed.get(at..at + 4).and_then(|four| four.try_into().ok()) {
+        let content = at + 4;
+        let Some(end) = content.checked_add(u32::from_le_bytes(length) as usize) else { break };
+        let Some(sum) = sealed.get(content..end).map(blake3::hash) else { break };
+        let Some(place) = sealed.get_mut(end..end + 32) else { break };
+        place.copy_from_slice(sum.as_bytes());
+        at = end + 32;
+    }
+    sealed
 }
 
 /// A mesh whose numbers are in range and which is not much larger than its file, or an error with a remedy.
@@ -426,6 +455,7 @@ material = \"m\"\ntransform = [{ translate = [1, 2, 3] }, { rotate = 30, axis = 
         ],
         "rounds" => blank_checkpoint_bytes(ROUNDS_SIZE).into_iter().collect(),
         "vdb" => vdb_seeds(),
+        "parts" => [1, 2].into_iter().filter_map(|blocks| blank_part_bytes(ROUNDS_SIZE, blocks).ok()).collect(),
         other => panic!("no target `{other}`"),
     }
 }

@@ -37,6 +37,7 @@ quick() {
     'cardioid render'*cornell*) ;; # 256 x 256, which references have
     'cardioid render'*--resolution*) line=$(sed -E 's/--resolution [^ ]+/--resolution 96x96/' <<<"$line") ;;
     'cardioid render'*) line+=' --resolution 96x72' ;;
+    'cardioid part'*) line+=' --resolution 32x32 --global-photons 2000 --caustic-photons 2000' ;;
     'cardioid radiosity'*) line+=' --patches 1000 --quality draft --resolution 96x72' ;;
     'cardioid bake'*) line+=' --patches 1000' ;;
     'cardioid probe'*) line+=' --samples 16 --batches 2 --quality draft' ;;

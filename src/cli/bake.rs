@@ -2,9 +2,9 @@
 
 use super::outputs::{Named, Outputs};
 use super::picture::{Loaded, SceneArgs, load};
+use super::pictures::stops;
 use super::progress::{Console, catch_interrupts, interrupted};
 use super::radiosity::{SolverArgs, summary};
-use super::render::stops;
 use anyhow::{Context, Result, bail};
 use cardioid::image_io;
 use cardioid::math::{Rgb, luminance};

@@ -19,9 +19,12 @@ mod hints;
 mod info;
 mod meaning;
 mod media_info;
+mod merge;
 mod outputs;
+mod part;
 mod photons;
 mod picture;
+mod pictures;
 mod probe;
 mod progress;
 mod radiosity;
@@ -30,6 +33,7 @@ mod settings;
 mod tradeoff;
 mod upright;
 mod validate;
+mod windows;
 
 use anyhow::Context;
 use cardioid::image_io;
@@ -48,6 +52,7 @@ Exit codes:
   0    done (also where --time-limit stopped a render: the picture has fewer samples)
   1    an error, told on standard error; also where a picture was written, and something beside it could not be
   2    a wrong command line
+  75   try again: `part` was stopped and kept its rounds, `merge` lacks parts, or a disk refused a file
   130  stopped by Ctrl-C; 143 by SIGTERM, 129 by SIGHUP. `render` writes what is there first";
 
 /// Photon mapping on Embree: caustics and interreflection, right and fast.
@@ -61,6 +66,8 @@ struct Cli {
 #[derive(Subcommand, Debug)]
 enum Command {
     Render(render::RenderArgs),
+    Part(part::PartArgs),
+    Merge(merge::MergeArgs),
     Photons(photons::PhotonsArgs),
     Bricks(bricks::BricksArgs),
     Radiosity(radiosity::RadiosityArgs),
@@ -96,6 +103,8 @@ pub(crate) fn run() -> ExitCode {
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let outcome = match cli.command {
         Command::Render(args) => render::run(&args),
+        Command::Part(args) => part::run(&args),
+        Command::Merge(args) => merge::run(&args),
         Command::Photons(args) => photons::run(&args),
         Command::Bricks(args) => bricks::run(&args),
         Command::Radiosity(args) => radiosity::run(&args),

@@ -3,7 +3,7 @@
 use super::outputs::Outputs;
 use super::upright::note_of_axis;
 use anyhow::{Context, Result, anyhow, bail};
-use cardioid::embree::Device;
+use cardioid::embree::{Device, Isa};
 use cardioid::film::PixelRect;
 use cardioid::media::AIR;
 use cardioid::render::{MemoryEstimate, Observer, allowed_memory};
@@ -40,6 +40,12 @@ pub(crate) struct SceneArgs {
     #[arg(long, default_value_t = 0, value_parser = threads)]
     pub(crate) threads: usize,
 
+    /// Instruction set of Embree's kernels: sse4.2, avx2 or avx512. Default: the widest that this machine has.
+    ///
+    /// The last bits of a picture depend on it. With one that all machines have, all give the same bits.
+    #[arg(long, value_name = "SET", value_parser = isa)]
+    pub(crate) isa: Option<Isa>,
+
     /// Memory that may be taken, for example 8GB: what is foreseen to take more is refused before it is read or traced.
     ///
     /// Without it the limit is what the machine has free.
@@ -66,6 +72,13 @@ pub(crate) fn threads(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(threads) if threads <= MOST_THREADS => Ok(threads),
         _ => Err(format!("write a whole number from 1 to {MOST_THREADS}, or 0 for one thread for each core")),
+    }
+}
+
+fn isa(text: &str) -> Result<Isa, String> {
+    match Isa::from_name(text) {
+        Ok(isa) if isa != Isa::Best => Ok(isa),
+        _ => Err(format!("this machine has {}", Isa::available_names())),
     }
 }
 
@@ -157,7 +170,7 @@ pub(crate) fn load(
     let size = args.resolution.unwrap_or((width, height));
     let estimate = MemoryEstimate::of_scene(&description, size);
     estimate.check(args.memory_limit)?;
-    let device = Arc::new(Device::counting_memory(args.threads).context("cannot trace rays")?);
+    let device = Arc::new(Device::counting_memory_with(args.threads, args.isa).context("cannot trace rays")?);
     let built = build_scene_watched(&description, &device, size, observer);
     when_built();
     let mut built = built.map_err(|error| shorter(error, is_mesh))?;
@@ -181,6 +194,11 @@ impl Loaded {
     pub(crate) fn crop(&self) -> Option<PixelRect> {
         let FilmDescription { width, height, crop, .. } = self.description.film;
         crop.filter(|_| self.size == (width, height))
+    }
+
+    /// The architecture and the instruction set of Embree's kernels: hits differ in the last bits between instruction sets.
+    pub(crate) fn instruction_set(&self) -> String {
+        format!("{} {}", std::env::consts::ARCH, self.device.isa().name()).trim_end().to_owned()
     }
 
     /// Prints the guesses to standard error.

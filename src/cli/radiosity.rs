@@ -3,7 +3,7 @@
 use super::outputs::Named;
 use super::picture::{Loaded, load};
 use super::progress::{catch_interrupts, interrupted};
-use super::render::{Pictures, RenderArgs, deliver, request};
+use super::render::{RenderArgs, deliver, request};
 use anyhow::{Context, Result, bail};
 use cardioid::image_io;
 use cardioid::integrators::RadiosityView;
@@ -124,8 +124,7 @@ pub(crate) fn run(args: &RadiosityArgs) -> Result<ExitCode> {
         .num_threads(render.scene.threads)
         .build()
         .context("cannot start the threads")?;
-    let pictures = Pictures::new(render)?;
-    let mut outputs = pictures.check(render)?;
+    let (pictures, mut outputs) = render.outputs()?;
     if let Some(solution) = &args.solver.solution {
         outputs.add(solution, "--solution", Named::ByUser)?;
     }

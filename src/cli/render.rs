@@ -1,21 +1,19 @@
 //! `cardioid render`: from a scene file to pictures.
 
-use super::meaning::{LAYERS, LayerMeaning};
 use super::outputs::{Named, Outputs};
 use super::picture::{Loaded, SceneArgs, crop, filter_of, load};
+use super::pictures::{About, Exposure, Figures, LooksArgs, Pictures};
 use super::progress::{Console, ProgressKind, catch_interrupts, end_with_input, interrupted};
 use super::settings::SettingsArgs;
 use anyhow::{Context, Result, bail};
-use cardioid::embree::Isa;
-use cardioid::film::{Developed, Film, LayerSet, PixelRect, ToneCurve, ToneMap, auto_exposure};
-use cardioid::image_io::{self, Image, Layer, MetadataValue, PngPixels, Window};
+use cardioid::film::{Developed, LayerSet, PixelRect};
+use cardioid::image_io;
 use cardioid::render::{
     IntegratorKind, Observer, ProcessStatistics, RenderRequest, Rendered, RoundStatistics, Rounds, SavedMaps,
     Settings, Statistics, Stop, open_irradiance_atlas, render_in_rounds, render_with_atlas, render_with_maps,
 };
 use cardioid::scene_file::photon_content_hash;
 use clap::{Args, ValueEnum};
-use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::thread::{self, JoinHandle};
@@ -44,6 +42,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "TIME", value_parser = duration)]
     time_limit: Option<Duration>,
 
+    /// Write a picture only if it is whole: a render that is stopped writes none, and ends with exit code 75. For windows that are tasks.
+    #[arg(long)]
+    whole: bool,
+
     /// Keep the rounds of `--integrator progressive` in this file, every half minute and at the end, to go on with them.
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
@@ -52,13 +54,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE")]
     resume: Option<PathBuf>,
 
-    /// Exposure of the PNG in stops, over that of the scene file.
-    #[arg(long, value_name = "STOPS", value_parser = stops)]
-    exposure: Option<f64>,
-
-    /// Tone curve of the PNG.
-    #[arg(long, value_enum, default_value_t = CurveArg::None)]
-    tone: CurveArg,
+    #[command(flatten)]
+    looks: LooksArgs,
 
     /// Photons from a file that `cardioid photons` wrote, instead of traced ones: the same picture, sooner.
     ///
@@ -76,9 +73,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "BYTES", default_value = "100MB", value_parser = brick_cache, requires = "atlas")]
     brick_cache: u64,
 
-    /// Leave out albedo, normal, depth and ids from the EXR.
-    #[arg(long)]
-    beauty_only: bool,
+    #[command(flatten)]
+    layers: LayersArgs,
 
     /// Write statistics as JSON; `-` for standard output.
     #[arg(long, value_name = "FILE.json")]
@@ -116,6 +112,24 @@ impl RenderArgs {
         Ok(Console::new(self.quiet, limit).showing(self.progress))
     }
 
+    /// The files to write. None of them may be one that is read, or another that is written.
+    pub(super) fn outputs(&self) -> Result<(Pictures, Outputs)> {
+        let pictures = Pictures::new(self.output.as_deref(), &self.scene.scene)?;
+        let read = [Some(self.scene.scene.as_path()), self.photon_map.as_deref()];
+        let mut outputs = Outputs::new(read.into_iter().flatten()).overwriting(self.overwrite);
+        // The checkpoint may be the file that is resumed from.
+        if let Some(checkpoint) = &self.checkpoint {
+            outputs.add(checkpoint, "--checkpoint", Named::ByUser)?;
+        }
+        outputs.also_reads(self.resume.as_deref());
+        let named = if self.output.is_some() { Named::ByUser } else { Named::ByUs };
+        pictures.check(&mut outputs, named)?;
+        if let Some(stats) = &self.stats {
+            outputs.add_text(stats, "--stats", Named::ByUser)?;
+        }
+        Ok((pictures, outputs))
+    }
+
     /// An option that makes sense for photons alone and is given.
     pub(super) fn option_of_rounds(&self) -> Option<&'static str> {
         [
@@ -130,12 +144,37 @@ impl RenderArgs {
     }
 }
 
+/// Which layers the EXR has.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct LayersArgs {
+    /// Layers of the EXR.
+    #[arg(long, value_enum, default_value_t = LayersArg::All)]
+    layers: LayersArg,
+
+    /// Leave out albedo, normal, depth and ids from the EXR: --layers light.
+    #[arg(long, conflicts_with = "layers")]
+    beauty_only: bool,
+}
+
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum CurveArg {
-    /// Exactly what was computed, clamped at white (the default).
-    None,
-    /// Bend bright colours towards white (Khronos PBR Neutral).
-    Neutral,
+enum LayersArg {
+    /// The picture, the five parts of its light, albedo, normal, depth and ids (the default).
+    All,
+    /// The picture and the five parts of its light.
+    Light,
+    /// The picture alone.
+    Beauty,
+}
+
+impl LayersArgs {
+    /// The layers, and the number of samples where that is not the same everywhere.
+    pub(super) fn set(self, is_adaptive: bool) -> LayerSet {
+        match self.layers {
+            LayersArg::All if !self.beauty_only => LayerSet { samples: is_adaptive, ..LayerSet::all() },
+            LayersArg::All | LayersArg::Light => LayerSet::default(),
+            LayersArg::Beauty => LayerSet::beauty(),
+        }
+    }
 }
 
 /// Parses the size of the cache of bricks.
@@ -143,15 +182,6 @@ fn brick_cache(text: &str) -> Result<u64, String> {
     match text {
         "0" => Ok(0),
         _ => cardioid::settings::memory(text).map_err(|message| format!("{message}, or 0 for none")),
-    }
-}
-
-/// Parses an exposure in stops.
-pub(super) fn stops(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(stops) if (-100.0..=100.0).contains(&stops) => Ok(stops),
-        _ => Err("write a number of stops from -100 to 100, for example -1.5: each doubles the brightness"
-            .to_owned()),
     }
 }
 
@@ -185,8 +215,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         .num_threads(args.scene.threads)
         .build()
         .context("cannot start the threads")?;
-    let pictures = Pictures::new(args)?;
-    let outputs = pictures.check(args)?;
+    let (pictures, outputs) = args.outputs()?;
     let console = args.console(args.time_limit)?;
     pool.install(|| {
         // Before anything else, so that a damaged file is reported before a scene is built.
@@ -197,7 +226,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         console.finish();
         if let (Err(_), Some(code)) = (&loaded, interrupted()) {
             say!("stopped while the scene was read and built: there is no picture");
-            return Ok(ExitCode::from(code));
+            return Ok(if args.whole { super::part::stopped() } else { ExitCode::from(code) });
         }
         let loaded = loaded?;
         if !args.quiet {
@@ -271,7 +300,15 @@ pub(super) fn deliver(
     if stopped == Some(Stop::BeforePixels) || stopped.is_some() && film.sample_count() == 0 {
         write_statistics(args, &statistics)?;
         say!("stopped before the first pixel: there is no picture");
+        if args.whole {
+            return Ok(super::part::stopped());
+        }
         return Ok(interrupted().map_or(ExitCode::FAILURE, ExitCode::from));
+    }
+    if args.whole && stopped.is_some() {
+        write_statistics(args, &statistics)?;
+        say!("stopped before the picture was whole: none was written");
+        return Ok(super::part::stopped());
     }
     let developed = film.develop();
     if developed.clamped > 0 {
@@ -281,9 +318,12 @@ pub(super) fn deliver(
             developed.clamped
         );
     }
-    let exposure = Exposure::choose(args, loaded, &developed);
-    exposure.tell(args, &developed, !loaded.built.scene.lights().is_empty());
-    let mut failures = pictures.write(args, loaded, &developed, &statistics, &exposure);
+    let about = About::of(loaded, &statistics.settings, &statistics.plan)?;
+    let figures = Figures::of(&statistics, loaded, &developed)?;
+    let exposure = Exposure::choose(&args.looks, &about, &developed);
+    exposure.tell(args.quiet, &developed, about.has_light);
+    let mut failures = pictures.write(&about, &figures, &developed, &exposure);
+    failures.extend(write_statistics(args, &statistics).err());
     if !args.quiet {
         summary(&statistics, stopped, asked, &developed);
         if failures.is_empty() {
@@ -295,7 +335,7 @@ pub(super) fn deliver(
         say!("error: {failure:#}");
     }
     if !failures.is_empty() {
-        return Ok(ExitCode::FAILURE);
+        return Ok(if args.whole { ExitCode::from(super::part::TRY_AGAIN) } else { ExitCode::FAILURE });
     }
     Ok(interrupted().map_or(ExitCode::SUCCESS, ExitCode::from))
 }
@@ -325,30 +365,40 @@ pub(super) fn request(args: &RenderArgs, loaded: &Loaded) -> RenderRequest {
         // As many as the time limit allows.
         settings.rounds = None;
     }
-    let layers = if args.beauty_only { LayerSet::default() } else { LayerSet::all() };
+    request_of(loaded, args.crop, args.layers, settings)
+}
+
+pub(super) fn request_of(
+    loaded: &Loaded,
+    crop: Option<PixelRect>,
+    layers: LayersArgs,
+    settings: Settings,
+) -> RenderRequest {
     RenderRequest {
         width: loaded.size.0,
         height: loaded.size.1,
-        crop: args.crop.or_else(|| loaded.crop()),
+        crop: crop.or_else(|| loaded.crop()),
         filter: filter_of(loaded.description.film.filter),
-        layers: LayerSet { samples: settings.adaptive && !args.beauty_only, ..layers },
+        layers: layers.set(settings.adaptive),
         settings,
     }
 }
 
+/// What rounds must have in common to be of one picture, beside the request.
+pub(super) fn identity(loaded: &Loaded) -> Vec<(String, String)> {
+    let version = env!("CARGO_PKG_VERSION").to_owned();
+    vec![
+        ("scene".to_owned(), loaded.hash.clone()),
+        ("cardioid".to_owned(), version),
+        ("Embree".to_owned(), loaded.device.version().to_string()),
+        ("instructions".to_owned(), loaded.instruction_set()),
+    ]
+}
+
 /// Checkpoint to resume from, and checkpoint to write.
 fn rounds(args: &RenderArgs, loaded: &Loaded) -> Rounds {
-    let version = env!("CARGO_PKG_VERSION").to_owned();
-    Rounds {
-        identity: vec![
-            ("scene".to_owned(), loaded.hash.clone()),
-            ("cardioid".to_owned(), version),
-            ("Embree".to_owned(), loaded.device.version().to_string()),
-            ("instructions".to_owned(), instruction_set()),
-        ],
-        resume: args.resume.clone(),
-        checkpoint: args.checkpoint.clone(),
-    }
+    let identity = identity(loaded);
+    Rounds { identity, resume: args.resume.clone(), checkpoint: args.checkpoint.clone() }
 }
 
 /// Resources that this process has used so far.
@@ -365,203 +415,6 @@ fn process(start: Instant) -> ProcessStatistics {
     }
 }
 
-/// Exposure and tone curve of the PNG, and where the exposure comes from. The EXR holds radiance, whatever the exposure.
-struct Exposure {
-    tone: ToneMap,
-    /// Stops that are added to every given exposure.
-    white: f64,
-    from: &'static str,
-}
-
-impl Exposure {
-    /// The exposure of the command line, or that of the scene, or one chosen from the picture itself.
-    fn choose(args: &RenderArgs, loaded: &Loaded, developed: &Developed) -> Self {
-        let film = &loaded.built.film;
-        let given = args.exposure.map(|stops| (stops, "command line"));
-        let given = given.or(film.exposure.map(|stops| (stops, "scene")));
-        let (exposure, from) = match given {
-            Some((stops, from)) => (stops + film.white, from),
-            None => (auto_exposure(developed.beauty()).unwrap_or(film.white), "picture"),
-        };
-        let curve = match args.tone {
-            CurveArg::None => ToneCurve::None,
-            CurveArg::Neutral => ToneCurve::Neutral,
-        };
-        Self { tone: ToneMap { exposure, curve }, white: film.white, from }
-    }
-
-    /// Reports an exposure that was chosen automatically, and suggests a remedy where the picture shows nothing.
-    fn tell(&self, args: &RenderArgs, developed: &Developed, has_light: bool) {
-        let stops = self.tone.exposure - self.white;
-        let seen = self.tone.rendition(developed.beauty());
-        if self.from == "picture" && !args.quiet && !seen.is_black() {
-            say!(
-                "exposure {stops:.2} stops, chosen by the picture, as the scene gives none: --exposure {stops:.2} keeps it"
-            );
-        }
-        if developed.unsampled > 0 {
-            return;
-        }
-        if seen.is_black() && has_light {
-            say!(
-                "warning: the picture is black: no light reaches what the camera sees; is the camera, or are all lights, shut \
-                 in or turned away?"
-            );
-        }
-        if seen.is_black() {
-            return;
-        }
-        let better = auto_exposure(developed.beauty()).map_or(0.0, |better| better - self.white);
-        if seen.is_too_bright() {
-            say!(
-                "warning: {:.0} % of the pixels are beyond white at an exposure of {stops:.2} stops; try --exposure {better:.1}",
-                100.0 * seen.clipped as f64 / seen.pixels as f64
-            );
-        } else if seen.is_too_dark() {
-            say!(
-                "warning: all pixels are black at an exposure of {stops:.2} stops, though there is light; try --exposure \
-                 {better:.1}"
-            );
-        }
-    }
-
-    fn metadata(&self) -> [(String, MetadataValue); 2] {
-        [
-            ("cardioid/exposure".into(), MetadataValue::Double(self.tone.exposure)),
-            ("cardioid/exposureFrom".into(), self.from.into()),
-        ]
-    }
-}
-
-/// Output files of the picture. They are checked before anything is rendered, because a wrong name should not cost an hour.
-pub(super) struct Pictures {
-    exr: Option<PathBuf>,
-    png: PathBuf,
-}
-
-impl Pictures {
-    pub(super) fn new(args: &RenderArgs) -> Result<Self> {
-        let output = match &args.output {
-            Some(output) => output.clone(),
-            None => PathBuf::from(args.scene.scene.file_stem().unwrap_or_default()).with_extension("exr"),
-        };
-        let extension = output.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-        match extension.as_str() {
-            "exr" => Ok(Self { png: output.with_extension("png"), exr: Some(output) }),
-            "png" => Ok(Self { exr: None, png: output }),
-            _ => bail!("{}: the name of a picture ends in .exr or .png", output.display()),
-        }
-    }
-
-    /// Checks that every file can be written and that none would overwrite another output or an input.
-    pub(super) fn check(&self, args: &RenderArgs) -> Result<Outputs> {
-        let read = [Some(args.scene.scene.as_path()), args.photon_map.as_deref()];
-        let mut outputs = Outputs::new(read.into_iter().flatten()).overwriting(args.overwrite);
-        // The checkpoint may be the file that is resumed from.
-        if let Some(checkpoint) = &args.checkpoint {
-            outputs.add(checkpoint, "--checkpoint", Named::ByUser)?;
-        }
-        outputs.also_reads(args.resume.as_deref());
-        let named = if args.output.is_some() { Named::ByUser } else { Named::ByUs };
-        if let Some(exr) = &self.exr {
-            outputs.add(exr, "the picture", named)?;
-        }
-        match self.exr {
-            Some(_) => outputs.add(&self.png, "the PNG beside the picture", Named::ByUs)?,
-            None => outputs.add(&self.png, "the picture", named)?,
-        }
-        if let Some(stats) = &args.stats {
-            outputs.add_text(stats, "--stats", Named::ByUser)?;
-        }
-        Ok(outputs)
-    }
-
-    /// Estimated time of writing the picture. It is measured on a part of the picture filled with noise, the slowest content; the
-    /// file is deleted again.
-    fn time_to_write(&self, request: &RenderRequest) -> Result<Duration> {
-        /// Rows of that part.
-        const ROWS: u32 = 64;
-        let window =
-            request.crop.map_or((request.width, request.height), |crop| (crop.width(), crop.height()));
-        let (width, rows) = (window.0, window.1.min(ROWS));
-        let empty = Film::new(width, rows, None, request.layers)?.develop();
-        let mut image = Image::new(width, rows);
-        let mut state = 1u32;
-        let mut noise = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 8) as f32
-        };
-        image.layers = layers_of(&empty);
-        image.layers.iter_mut().flat_map(|layer| &mut layer.data).for_each(|value| *value = noise());
-        let time = image_io::time_to_write_exr(self.exr.as_ref().unwrap_or(&self.png), &image)?;
-        Ok(time.mul_f64(f64::from(window.1) / f64::from(rows)))
-    }
-
-    /// Reports the files that were written.
-    fn tell(&self) {
-        for path in self.exr.iter().chain([&self.png]) {
-            say!("wrote {}", path.display());
-        }
-    }
-
-    /// Writes all outputs, even where one of them fails.
-    fn write(
-        &self,
-        args: &RenderArgs,
-        loaded: &Loaded,
-        developed: &Developed,
-        statistics: &Statistics,
-        exposure: &Exposure,
-    ) -> Vec<anyhow::Error> {
-        let results = [
-            self.write_exr(loaded, developed, statistics, exposure),
-            self.write_png(developed, exposure),
-            write_statistics(args, statistics),
-        ];
-        results.into_iter().filter_map(Result::err).collect()
-    }
-
-    fn write_exr(
-        &self,
-        loaded: &Loaded,
-        developed: &Developed,
-        statistics: &Statistics,
-        exposure: &Exposure,
-    ) -> Result<()> {
-        let (width, height) = (developed.rect.width(), developed.rect.height());
-        if let Some(exr) = &self.exr {
-            let mut image = Image::new(width, height);
-            let is_whole = (width, height) == (developed.width, developed.height);
-            image.window = (!is_whole).then_some(Window {
-                x: developed.rect.x0.into(),
-                y: developed.rect.y0.into(),
-                full_width: developed.width,
-                full_height: developed.height,
-            });
-            image.layers = layers_of(developed);
-            image.metadata = metadata(loaded, developed, statistics)?;
-            image.metadata.extend(exposure.metadata());
-            image_io::write_exr(exr, &image)?;
-        }
-        Ok(())
-    }
-
-    fn write_png(&self, developed: &Developed, exposure: &Exposure) -> Result<()> {
-        let (width, height) = (developed.rect.width(), developed.rect.height());
-        let bytes = exposure.tone.to_srgb8(developed.beauty());
-        Ok(image_io::write_png(&self.png, width, height, PngPixels::Rgb8(&bytes))?)
-    }
-}
-
-/// The layers as they are written to a file.
-fn layers_of(developed: &Developed) -> Vec<Layer> {
-    let layers = developed.layers.iter().map(|layer| {
-        let name = if layer.name == "beauty" { "" } else { layer.name };
-        Layer::new(name, layer.channels, layer.values.clone())
-    });
-    layers.collect()
-}
-
 /// Writes `--stats` and prints the table, if they are asked for.
 fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
     let mut printed = String::new();
@@ -576,70 +429,6 @@ fn write_statistics(args: &RenderArgs, statistics: &Statistics) -> Result<()> {
         printed += &statistics.to_table();
     }
     if printed.is_empty() { Ok(()) } else { super::print(&printed) }
-}
-
-/// Metadata from which the picture can be reproduced.
-fn metadata(
-    loaded: &Loaded,
-    developed: &Developed,
-    statistics: &Statistics,
-) -> Result<Vec<(String, MetadataValue)>> {
-    let json = |value: serde_json::Result<String>| value.map(MetadataValue::from);
-    let library = image_io::library_version()
-        .map_or_else(String::new, |(major, minor, patch)| format!("{major}.{minor}.{patch}"));
-    let rect = developed.rect;
-    let mut metadata = vec![
-        ("cardioid/version".into(), env!("CARGO_PKG_VERSION").into()),
-        ("cardioid/scene".into(), statistics.scene.clone().into()),
-        ("cardioid/sceneHash".into(), loaded.hash.clone().into()),
-        ("cardioid/settings".into(), json(serde_json::to_string(&statistics.settings))?),
-        ("cardioid/plan".into(), json(serde_json::to_string(&statistics.plan))?),
-        ("cardioid/counters".into(), json(serde_json::to_string(&statistics.counters))?),
-        ("cardioid/times".into(), json(serde_json::to_string(&statistics.times))?),
-        ("cardioid/samples".into(), MetadataValue::Double(statistics.samples as f64)),
-        ("cardioid/embree".into(), loaded.device.version().to_string().into()),
-        ("cardioid/openimageio".into(), library.into()),
-        ("cardioid/target".into(), instruction_set().into()),
-        (LAYERS.into(), LayerMeaning::of(&statistics.settings).name().into()),
-        ("cardioid/window".into(), format!("{},{},{},{}", rect.x0, rect.y0, rect.x1, rect.y1).into()),
-        ("cardioid/fullSize".into(), format!("{}x{}", developed.width, developed.height).into()),
-    ];
-    let scene = &loaded.built.scene;
-    let object: NameOf<'_> = &|id| scene.surfaces().get(id).map(|surface| surface.name.as_str());
-    let material: NameOf<'_> = &|id| scene.materials().get(id).map(|(name, _)| name.as_str());
-    for (key, layer, name_of) in
-        [("cardioid/objects", "object", object), ("cardioid/materials", "material", material)]
-    {
-        if let Some(layer) = developed.layers.iter().find(|found| found.name == layer) {
-            metadata.push((key.into(), json(serde_json::to_string(&names_in(&layer.values, name_of)))?));
-        }
-    }
-    if let Some(radiosity) = &statistics.radiosity {
-        metadata.push(("cardioid/radiosity".into(), json(serde_json::to_string(radiosity))?));
-    }
-    if let Some(rounds) = &statistics.rounds {
-        metadata.push(("cardioid/rounds".into(), MetadataValue::Double(rounds.done as f64)));
-        metadata.push(("cardioid/error".into(), json(serde_json::to_string(&rounds.error))?));
-    }
-    Ok(metadata)
-}
-
-/// Maps an id to the name of the object or material.
-type NameOf<'a> = &'a dyn Fn(usize) -> Option<&'a str>;
-
-/// Names of the ids that occur in an id layer. The layer holds -1 where no surface is visible.
-fn names_in<'a>(ids: &[f32], name_of: NameOf<'a>) -> BTreeMap<usize, &'a str> {
-    let seen: BTreeSet<usize> = ids.iter().filter(|id| **id >= 0.0).map(|id| *id as usize).collect();
-    seen.into_iter().filter_map(|id| Some((id, name_of(id)?))).collect()
-}
-
-/// The architecture and the instruction set of Embree's kernels: hits differ in the last bits between instruction sets.
-fn instruction_set() -> String {
-    let isa = match Isa::from_environment() {
-        Ok(Isa::Best) | Err(_) => Isa::detected(),
-        Ok(isa) => isa,
-    };
-    format!("{} {}", std::env::consts::ARCH, isa.name()).trim_end().to_owned()
 }
 
 fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool) {
@@ -662,6 +451,11 @@ fn summary_of_rounds(rounds: &RoundStatistics, asked: Option<u64>, stopped: bool
             round.spp, round.global_photons, round.caustic_photons
         ))
     );
+    say_error(rounds);
+}
+
+/// Prints the estimate of the error.
+pub(super) fn say_error(rounds: &RoundStatistics) {
     match &rounds.error {
         Some(error) => {
             say!(

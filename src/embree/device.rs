@@ -87,6 +87,13 @@ impl Isa {
         }
     }
 
+    /// Names of the instruction sets that this machine has.
+    pub fn available_names() -> String {
+        let sets = [Self::Sse42, Self::Avx2, Self::Avx512].into_iter().filter(|isa| isa.is_available());
+        let names: Vec<&str> = sets.map(Self::name).collect();
+        if names.is_empty() { "none to choose from".to_owned() } else { names.join(", ") }
+    }
+
     fn names() -> String {
         [Self::Sse42, Self::Avx2, Self::Avx512].map(Self::name).join(", ")
     }
@@ -152,6 +159,7 @@ pub struct Device {
     /// Bytes that the library holds, where counting is enabled. Boxed, as Embree keeps its address.
     bytes: Option<Box<AtomicI64>>,
     version: LibraryVersion,
+    isa: Isa,
 }
 
 // SAFETY: Embree's device functions may be called from any thread; the error slot is behind a mutex.
@@ -193,13 +201,26 @@ impl Device {
     /// # Errors
     /// As for [`Self::new`].
     pub fn counting_memory(threads: usize) -> Result<Self, EmbreeError> {
-        let mut device = Self::new(threads)?;
+        Self::counting_memory_with(threads, None)
+    }
+
+    /// The same with this instruction set, where there is one, in place of that of the environment.
+    ///
+    /// # Errors
+    /// As for [`Self::new`].
+    pub fn counting_memory_with(threads: usize, isa: Option<Isa>) -> Result<Self, EmbreeError> {
+        let mut device = Self::with_isa(threads, isa.map_or_else(Isa::from_environment, Ok)?)?;
         let bytes = Box::new(AtomicI64::new(0));
         let slot = std::ptr::from_ref::<AtomicI64>(&bytes).cast_mut().cast::<c_void>();
         // SAFETY: `slot` stays valid as long as the device.
         unsafe { sys::rtcSetDeviceMemoryMonitorFunction(device.handle, Some(count_bytes), slot) };
         device.bytes = Some(bytes);
         Ok(device)
+    }
+
+    /// The instruction set of its kernels.
+    pub fn isa(&self) -> Isa {
+        self.isa
     }
 
     /// Bytes that the library holds for the scenes of a device from [`Self::counting_memory`]; `None` for other devices. Buffers that it
@@ -214,7 +235,10 @@ impl Device {
     /// # Errors
     /// If Embree cannot start, if its version is too old for the layouts of the bindings, or if the instruction set is not available.
     pub fn new(threads: usize) -> Result<Self, EmbreeError> {
-        let isa = Isa::from_environment()?;
+        Self::with_isa(threads, Isa::from_environment()?)
+    }
+
+    fn with_isa(threads: usize, isa: Isa) -> Result<Self, EmbreeError> {
         let choice = if isa == Isa::Best { String::new() } else { format!(",isa={}", isa.name()) };
         let config = CString::new(format!("threads={threads}{choice}")).unwrap_or_default();
         // SAFETY: a NUL-terminated configuration string that lives for the call.
@@ -236,7 +260,8 @@ impl Device {
         let slot = std::ptr::from_ref::<Mutex<Option<String>>>(&error).cast_mut().cast::<c_void>();
         // SAFETY: `slot` stays valid until `drop`, which removes the callback first.
         unsafe { sys::rtcSetDeviceErrorFunction(handle, Some(record_error), slot) };
-        Ok(Self { handle, error, bytes: None, version })
+        let isa = if isa == Isa::Best { Isa::detected() } else { isa };
+        Ok(Self { handle, error, bytes: None, version, isa })
     }
 
     /// Version of the library in use.

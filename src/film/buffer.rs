@@ -1,11 +1,16 @@
 //! Film and tiles: sums over the samples of each pixel, and their means.
 
+mod bits;
+mod halved;
 mod state;
+
+pub use halved::{HalvedSum, Halves, Precision};
 
 use super::{AOVS, Aov, LayerSet, PixelRect};
 use crate::math::Rgb;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use thiserror::Error;
 
 /// The contribution of one camera sample to its pixel.
@@ -143,6 +148,7 @@ impl Vote {
 struct Layout {
     set: LayerSet,
     aovs: [usize; 5],
+    beauty: usize,
     albedo: usize,
     normal: usize,
     /// Offset of the sum of distances; the number of samples with a distance follows.
@@ -160,11 +166,26 @@ impl Layout {
             start
         };
         let aovs = set.aovs.map(|present| place(present, 3));
+        let beauty = place(set.beauty, 3);
         let albedo = place(set.albedo, 3);
         let normal = place(set.normal, 3);
         let depth = place(set.depth, 2);
         let bias = place(set.bias, 3);
-        Self { set, aovs, albedo, normal, depth, bias, stride }
+        Self { set, aovs, beauty, albedo, normal, depth, bias, stride }
+    }
+
+    /// The sum of all parts, of the values of a pixel.
+    fn picture(&self, values: &[f64]) -> DVec3 {
+        let at = |start: usize| DVec3::from_slice(&values[start..][..3]);
+        if self.set.beauty {
+            return at(self.beauty);
+        }
+        AOVS.into_iter().filter(|&aov| self.set.has(aov)).map(|aov| at(self.aovs[aov as usize])).sum()
+    }
+
+    /// The sum of bias estimates, of the values of a pixel; zero without that layer.
+    fn bias(&self, values: &[f64]) -> DVec3 {
+        if self.set.bias { DVec3::from_slice(&values[self.bias..][..3]) } else { DVec3::ZERO }
     }
 
     /// Name of the first layer in which `sample` has a value that must not enter a sum.
@@ -243,9 +264,20 @@ impl Sums {
             let radiance = sample.radiance[aov as usize];
             match layout.set.has(aov) {
                 true => add(layout.aovs[aov as usize], radiance),
-                false => is_planned &= radiance == Rgb::ZERO,
+                false => is_planned &= layout.set.beauty || radiance == Rgb::ZERO,
             }
         }
+        if layout.set.beauty {
+            let radiance = sample.radiance.iter().map(|radiance| radiance.as_dvec3()).sum::<DVec3>();
+            for (sum, value) in values[layout.beauty..][..3].iter_mut().zip(radiance.to_array()) {
+                *sum += weight * value;
+            }
+        }
+        let mut add = |start: usize, v: Vec3| {
+            for (sum, value) in values[start..start + 3].iter_mut().zip(v.to_array()) {
+                *sum += weight * f64::from(value);
+            }
+        };
         if layout.set.albedo {
             add(layout.albedo, sample.albedo);
         }
@@ -405,25 +437,29 @@ impl Film {
     /// The picture and its bias estimate at each pixel, row by row: weighted means in `f64`, zero where there is no sample or no such
     /// layer.
     pub fn means_and_biases(&self) -> impl Iterator<Item = [DVec3; 2]> + '_ {
-        let Layout { set, aovs, bias, stride, .. } = self.sums.layout;
+        let layout = self.sums.layout;
         (0..self.sums.counts.len()).map(move |pixel| {
             let divisor = self.divisor(pixel);
-            let at = |start: usize| DVec3::from_slice(&self.sums.values[pixel * stride + start..][..3]);
-            let parts = AOVS.into_iter().filter(|&aov| set.has(aov)).map(|aov| at(aovs[aov as usize]));
+            let values = &self.sums.values[pixel * layout.stride..][..layout.stride];
             let mean = |sum: DVec3| divisor.map_or(DVec3::ZERO, |divisor| sum / divisor);
-            [mean(parts.sum()), if set.bias { mean(at(bias)) } else { DVec3::ZERO }]
+            [mean(layout.picture(values)), mean(layout.bias(values))]
         })
     }
 
     /// Divisor of the sums of a pixel; `None` where it has no sample.
     fn divisor(&self, pixel: usize) -> Option<f64> {
-        let (count, weight) = (self.sums.counts[pixel] as f64, self.sums.weights[pixel]);
-        (count > 0.0).then_some(if weight.abs() >= 0.5 * count { weight } else { count })
+        divisor_of(self.sums.counts[pixel], self.sums.weights[pixel])
     }
 
     /// Samples that were left out so far.
     pub fn rejections(&self) -> Rejections {
         self.sums.rejections
+    }
+
+    /// Numbers of the objects and of the materials that pixels show.
+    pub fn ids(&self) -> [BTreeSet<u32>; 2] {
+        [&self.sums.objects, &self.sums.materials]
+            .map(|votes| votes.iter().filter_map(|vote| vote.candidate).collect())
     }
 
     /// Samples added so far.
@@ -433,14 +469,15 @@ impl Film {
 
     /// The means of all samples added so far.
     pub fn develop(&self) -> Developed {
-        let Layout { set, aovs, albedo, normal, bias, .. } = self.sums.layout;
+        let Layout { set, aovs, beauty, albedo, normal, bias, .. } = self.sums.layout;
         let rgb: &[&str] = &["R", "G", "B"];
         let mut layers: Vec<Layer> = AOVS
             .into_iter()
             .filter(|&aov| set.has(aov))
             .map(|aov| Layer { name: aov.name(), channels: rgb, values: self.means(aovs[aov as usize]) })
             .collect();
-        layers.insert(0, Layer { name: "beauty", channels: rgb, values: self.sum_of(&layers) });
+        let values = if set.beauty { self.means(beauty) } else { self.sum_of(&layers) };
+        layers.insert(0, Layer { name: "beauty", channels: rgb, values });
         let mut push = |present: bool, name, channels, values: &dyn Fn() -> Vec<f32>| {
             if present {
                 layers.push(Layer { name, channels, values: values() });
@@ -493,6 +530,12 @@ impl Film {
         };
         self.sums.values.chunks_exact(stride).map(mean).collect()
     }
+}
+
+/// Divisor of the sums of a pixel with this many samples and this sum of weights; `None` without samples.
+fn divisor_of(count: u64, weight: f64) -> Option<f64> {
+    let count = count as f64;
+    (count > 0.0).then_some(if weight.abs() >= 0.5 * count { weight } else { count })
 }
 
 fn ids(votes: &[Vote]) -> Vec<f32> {

@@ -1,6 +1,6 @@
 //! Parts of a picture and the set of layers of a film.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One of the five parts whose sum is the picture: the emission that the camera sees directly, and the four integrals of the rendering
 /// equation (Jensen 1996, eq. 2).
@@ -36,10 +36,12 @@ impl Aov {
 }
 
 /// The set of buffers of a film. A buffer that is left out costs no memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 pub struct LayerSet {
     /// The parts of the picture, in the order of [`AOVS`].
     pub aovs: [bool; 5],
+    /// The sum of the parts as a single buffer, for a picture without the parts.
+    pub beauty: bool,
     /// Reflectance of the first surface.
     pub albedo: bool,
     /// Shading normal of the first surface, world space.
@@ -61,6 +63,7 @@ impl Default for LayerSet {
     fn default() -> Self {
         Self {
             aovs: [true; 5],
+            beauty: false,
             albedo: false,
             normal: false,
             depth: false,
@@ -78,6 +81,7 @@ impl LayerSet {
     pub fn all() -> Self {
         Self {
             aovs: [true; 5],
+            beauty: false,
             albedo: true,
             normal: true,
             depth: true,
@@ -86,6 +90,11 @@ impl LayerSet {
             samples: false,
             bias: false,
         }
+    }
+
+    /// The picture alone, without its parts.
+    pub fn beauty() -> Self {
+        Self { aovs: [false; 5], beauty: true, ..Self::default() }
     }
 
     /// Whether `aov` has a buffer.

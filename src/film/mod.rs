@@ -8,7 +8,9 @@ mod layers;
 mod rect;
 mod tone;
 
-pub use buffer::{Developed, Film, FilmError, Layer, PixelSample, Rejections, Tile};
+pub use buffer::{
+    Developed, Film, FilmError, HalvedSum, Halves, Layer, PixelSample, Precision, Rejections, Tile,
+};
 pub use filter::{Filter, FilterError, FilterSample, FilterSampler};
 pub use layers::{AOVS, Aov, LayerSet};
 pub use rect::PixelRect;

@@ -87,11 +87,28 @@ const RANDOM: usize = 6;
 /// Attempts to create a temporary file that no other process removes as abandoned.
 const ATTEMPTS: usize = 8;
 
+/// Environment variable that names this attempt at a task. It becomes part of the names of temporary files, so that attempts on several
+/// machines do not remove each other's: locks do not hold between machines on every network drive.
+const ATTEMPT: &str = "CARDIOID_ATTEMPT";
+
+/// Longest name of an attempt in the name of a file.
+const LONGEST_ATTEMPT: usize = 64;
+
 /// A temporary file for `path`. It is locked while it is open, which distinguishes it from files that killed processes left.
 fn temporary_beside(path: &Path) -> io::Result<NamedTempFile> {
+    temporary_of(path, &std::env::var(ATTEMPT).unwrap_or_default())
+}
+
+/// A temporary file for `path` of this attempt, which may have no name.
+fn temporary_of(path: &Path, attempt: &str) -> io::Result<NamedTempFile> {
     let mut prefix = OsString::from(".");
     prefix.push(path.file_name().unwrap_or_default());
     prefix.push(".");
+    let plain = |c: &char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    let attempt: String = attempt.chars().filter(plain).take(LONGEST_ATTEMPT).collect();
+    if !attempt.is_empty() {
+        prefix.push(format!("{attempt}."));
+    }
     remove_abandoned(folder_of(path), prefix.as_bytes());
     let create = || {
         tempfile::Builder::new()
@@ -224,6 +241,27 @@ mod tests {
         let mut expected: Vec<_> = kept.iter().chain(&["picture"]).map(|name| (*name).to_owned()).collect();
         expected.sort();
         assert_eq!(names, expected);
+    }
+
+    /// Locks may not hold between machines: attempts with names of their own do not touch each other's files.
+    #[test]
+    fn attempts_leave_each_others_files() {
+        let folder = tempfile::tempdir().expect("folder");
+        let path = folder.path().join("picture");
+        let others = [".picture.aaaaaa.cardioid.tmp", ".picture.job-7_1.aaaaaa.cardioid.tmp"];
+        for name in others {
+            fs::write(folder.path().join(name), "half").expect("written");
+        }
+        let file = temporary_of(&path, "job-7/2").expect("created");
+        let name = file.path().file_name().expect("name").to_string_lossy().into_owned();
+        assert!(name.starts_with(".picture.job-72.") && name.ends_with(SUFFIX), "{name}");
+        assert!(others.iter().all(|name| folder.path().join(name).exists()));
+        // The next file of the same attempt removes what that attempt has left, and one without a name does not.
+        drop(temporary_of(&path, "job-7_1").expect("created"));
+        assert!(folder.path().join(others[0]).exists() && !folder.path().join(others[1]).exists());
+        fs::write(folder.path().join(others[1]), "half").expect("written");
+        drop(temporary_of(&path, "").expect("created"));
+        assert!(!folder.path().join(others[0]).exists() && folder.path().join(others[1]).exists());
     }
 
     #[test]

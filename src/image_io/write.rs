@@ -44,11 +44,17 @@ pub fn is_same_file(a: impl AsRef<Path>, b: impl AsRef<Path>) -> bool {
 const MARKED: u64 = 1 << 22;
 
 /// Whether a file has the mark of this program: metadata `cardioid/version` of an EXR, the text `Software` of a PNG, or the first bytes of
-/// photon maps and of checkpoints. False where the file cannot be read.
+/// photon maps, of checkpoints and of parts. False where the file cannot be read.
 pub fn is_written_by_cardioid(path: impl AsRef<Path>) -> bool {
-    const STARTS: [&[u8]; 4] =
-        [&exr_header::MAGIC, b"\x89PNG\r\n\x1a\n", b"\x89CPM\r\n\x1a\n", b"cardioid rounds\n"];
-    const MARKS: [&[u8]; 4] = [b"cardioid/version\0", b"Software\0cardioid ", b"CPM", b"cardioid rounds"];
+    const STARTS: [&[u8]; 5] = [
+        &exr_header::MAGIC,
+        b"\x89PNG\r\n\x1a\n",
+        b"\x89CPM\r\n\x1a\n",
+        b"cardioid rounds\n",
+        b"cardioid part  \n",
+    ];
+    const MARKS: [&[u8]; 5] =
+        [b"cardioid/version\0", b"Software\0cardioid ", b"CPM", b"cardioid rounds", b"cardioid part"];
     let mut head = Vec::new();
     let read = open_regular(path).and_then(|(file, _)| file.take(MARKED).read_to_end(&mut head));
     let holds = |mark: &[u8]| head.windows(mark.len()).any(|bytes| bytes == mark);

@@ -37,8 +37,10 @@ pub use probe::{
     PROBE_BATCHES, ProbeEstimator, ProbePoint, ProbeRequest, Probed, ProbedSurface, Reading, probe,
 };
 pub use progressive::{
-    Checkpoint, CheckpointError, ErrorEstimate, RoundSize, RoundStatistics, Rounds, blank_checkpoint_bytes,
-    error_of_halves, parse_checkpoint_bytes, render_in_rounds,
+    BLOCK, Checkpoint, CheckpointError, ErrorEstimate, MergeError, Merged, PartError, PartHeader,
+    PartOutcome, PartRange, RoundSize, RoundStatistics, Rounds, blank_checkpoint_bytes, blank_part_bytes,
+    blocks_of, error_of_halves, is_part_of, merge_parts, parse_checkpoint_bytes, parse_part_bytes,
+    render_in_rounds, render_part, rounds_needed,
 };
 pub use radiosity::render_radiosity;
 pub use saved::{SavedMaps, SavedMapsError, trace_photon_maps, write_photon_maps};

@@ -7,7 +7,7 @@ use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
 use super::memory::PhotonCounts;
 use super::pace::{Pace, Paced};
 use super::pixel_footprint::finest_distances;
-use super::progressive::{CheckpointError, Rounds};
+use super::progressive::{CheckpointError, PartError, Rounds};
 use super::saved::SavedMaps;
 use super::settings::{MapKind, Settings, Show};
 use super::stats::{
@@ -111,6 +111,9 @@ pub enum RenderError {
     /// The render cannot be resumed.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// The part cannot be, or cannot be written.
+    #[error(transparent)]
+    Part(#[from] PartError),
 }
 
 /// Side length of a tile, in pixels.

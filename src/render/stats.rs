@@ -9,7 +9,7 @@ use crate::scene::{MapKind, RenderPlan};
 use serde::{Deserialize, Serialize};
 
 /// Seconds by step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
 pub struct Times {
     /// Reading and building the scene.
     pub scene: f64,

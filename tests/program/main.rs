@@ -17,6 +17,7 @@ mod messages;
 mod mitsuba;
 mod obj_materials;
 mod outputs;
+mod parts;
 mod pbrt;
 mod radiosity;
 mod saved_maps;

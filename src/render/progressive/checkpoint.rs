@@ -4,16 +4,18 @@
 //! "cardioid rounds\n"     16 bytes
 //! version                 u32
 //! length of the header    u32
-//! header                  JSON: identity of the render, statistics of rounds, counters
-//! even rounds, odd rounds sums of the two films
+//! header                  JSON: identity of the render, statistics of rounds, counters, what follows
+//! blocks before           of a picture: their sum, where there are any; of a part of one: each block as in the part's file
+//! even rounds, odd rounds sums of the two films of the present block
 //! checksum                BLAKE3 of all before, 32 bytes
 //! ```
 //!
 //! Numbers are little-endian.
 
 use super::RoundStatistics;
+use super::fold::{Blocks, EncodedBlock, Fold, Seen};
 use crate::files::open_regular;
-use crate::film::{Film, FilmError, LayerSet};
+use crate::film::{Film, FilmError, HalvedSum, LayerSet};
 use crate::image_io::{self, ImageError};
 use crate::integrators::Counters;
 use serde::{Deserialize, Serialize};
@@ -25,10 +27,10 @@ use std::path::{Path, PathBuf};
 const MAGIC: [u8; 16] = *b"cardioid rounds\n";
 
 /// Version of the layout above and of the computation of rounds. It is raised where either changes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
-/// Largest header in bytes; a longer one means that the file is damaged.
-const LONGEST_HEADER: u32 = 1 << 20;
+/// Largest header in bytes; a longer one means that the file is damaged. Names of many thousands of objects fit.
+pub(super) const LONGEST_HEADER: u32 = 1 << 26;
 
 /// Names and values that must be equal for a render to be resumed.
 pub(super) type Identity = BTreeMap<String, Value>;
@@ -39,13 +41,29 @@ pub(super) struct Header {
     pub(super) identity: Identity,
     pub(super) statistics: RoundStatistics,
     pub(super) counters: Counters,
+    /// Blocks before the present one.
+    pub(super) before: Before,
+}
+
+/// How a checkpoint holds the blocks before the present one.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+pub(super) enum Before {
+    /// There are none, of a picture.
+    #[default]
+    Nothing,
+    /// Their sum.
+    Sum,
+    /// So many of them, each in so many bands.
+    Blocks(u64, u64, Seen),
 }
 
 /// State of a progressive render after some round.
 #[derive(Debug)]
 pub struct Checkpoint {
     pub(super) header: Header,
-    /// Sums of the even and of the odd rounds, counted from zero.
+    /// The blocks before the present one.
+    pub(super) fold: Fold,
+    /// Sums of the even and of the odd rounds of the present block. Rounds are counted from zero.
     pub(super) halves: [Film; 2],
 }
 
@@ -85,6 +103,12 @@ pub enum CheckpointError {
 }
 
 impl Checkpoint {
+    /// The state before the first round.
+    pub(super) fn new(identity: Identity, fold: Fold, halves: [Film; 2]) -> Self {
+        let (statistics, counters) = Default::default();
+        Self { header: Header { identity, statistics, counters, before: Before::Nothing }, fold, halves }
+    }
+
     /// Writes the checkpoint. The file at `path` changes only when all of the new one is on the disk.
     pub(super) fn write(&self, path: &Path) -> Result<(), CheckpointError> {
         Ok(image_io::write_with(path, |file| self.write_to(BufWriter::new(file)))?)
@@ -92,11 +116,31 @@ impl Checkpoint {
 
     fn write_to(&self, to: impl Write) -> io::Result<()> {
         let mut to = Hashing::new(to);
-        let header = serde_json::to_vec(&self.header)?;
+        let Header { identity, statistics, counters, .. } = &self.header;
+        let before = match &self.fold {
+            Fold::Sum(None) => Before::Nothing,
+            Fold::Sum(Some(_)) => Before::Sum,
+            Fold::Blocks(Blocks { encoded, seen }) => {
+                let bands = encoded.first().map_or(0, |block| block.bands.len());
+                Before::Blocks(encoded.len() as u64, bands as u64, seen.clone())
+            }
+        };
+        let (identity, statistics) = (identity.clone(), statistics.clone());
+        let header = Header { identity, statistics, counters: *counters, before };
+        let header = serde_json::to_vec(&header)?;
         to.write_all(&MAGIC)?;
         to.write_all(&VERSION.to_le_bytes())?;
         to.write_all(&(header.len() as u32).to_le_bytes())?;
         to.write_all(&header)?;
+        match &self.fold {
+            Fold::Sum(sum) => sum.iter().try_for_each(|sum| sum.save(&mut to))?,
+            Fold::Blocks(blocks) => {
+                for band in blocks.encoded.iter().flat_map(|block| &block.bands) {
+                    to.write_all(&(band.len() as u32).to_le_bytes())?;
+                    to.write_all(band)?;
+                }
+            }
+        }
         self.halves.iter().try_for_each(|half| half.save(&mut to))?;
         let checksum = to.hasher.finalize();
         to.inner.write_all(checksum.as_bytes())?;
@@ -157,6 +201,7 @@ impl Checkpoint {
             return Err(CheckpointError::Different { path: path.to_owned(), differences });
         }
         let mut halves = empty;
+        let fold = read_before(&header.before, &halves[0], &mut from).map_err(failed)?;
         halves.iter_mut().try_for_each(|half| half.restore(&mut from)).map_err(failed)?;
         let checksum = from.hasher.finalize();
         let mut rest = Vec::new();
@@ -164,7 +209,41 @@ impl Checkpoint {
         if rest != checksum.as_bytes() {
             return Err(damaged(path, "is damaged: its checksum is wrong"));
         }
-        Ok(Self { header, halves })
+        Ok(Self { header, fold, halves })
+    }
+}
+
+/// Reads the blocks before the present one, of films like `like`.
+fn read_before(before: &Before, like: &Film, from: &mut impl Read) -> io::Result<Fold> {
+    match before {
+        Before::Nothing => Ok(Fold::Sum(None)),
+        Before::Sum => {
+            let mut sum = HalvedSum::new(like.width(), like.height(), Some(like.rect()), like.layers())
+                .map_err(io::Error::other)?;
+            sum.restore(from)?;
+            Ok(Fold::Sum(Some(Box::new(sum))))
+        }
+        Before::Blocks(count, bands, seen) => {
+            if *bands == 0 && *count > 0 {
+                return Err(ErrorKind::InvalidData.into());
+            }
+            let mut encoded = Vec::new();
+            for _ in 0..*count {
+                let mut block = EncodedBlock::default();
+                for _ in 0..*bands {
+                    let mut length = [0; 4];
+                    from.read_exact(&mut length)?;
+                    let length = u64::from(u32::from_le_bytes(length));
+                    let mut band = Vec::new();
+                    if (&mut *from).take(length).read_to_end(&mut band)? as u64 != length {
+                        return Err(ErrorKind::UnexpectedEof.into());
+                    }
+                    block.bands.push(band);
+                }
+                encoded.push(block);
+            }
+            Ok(Fold::Blocks(Blocks { encoded, seen: seen.clone() }))
+        }
     }
 }
 
@@ -184,10 +263,9 @@ pub fn parse_checkpoint_bytes(bytes: &[u8], path: &Path, size: (u32, u32)) -> Re
 /// If no film can have this size.
 pub fn blank_checkpoint_bytes(size: (u32, u32)) -> Result<Vec<u8>, FilmError> {
     let identity = [("spp".to_owned(), Value::from(4)), ("scene".to_owned(), Value::from("a"))].into();
-    let header = Header { identity, statistics: RoundStatistics::default(), counters: Counters::default() };
     let mut bytes = Vec::new();
     // Writing to a vector cannot fail.
-    let _ = Checkpoint { header, halves: blank(size)? }.write_to(&mut bytes);
+    let _ = Checkpoint::new(identity, Fold::Sum(None), blank(size)?).write_to(&mut bytes);
     Ok(bytes)
 }
 
@@ -201,7 +279,7 @@ fn damaged(path: &Path, what: impl Into<String>) -> CheckpointError {
 }
 
 /// Descriptions of the differences between two identities, such as "spp was 4 and is 8".
-fn differences(was: &Identity, is: &Identity) -> Vec<String> {
+pub(super) fn differences(was: &Identity, is: &Identity) -> Vec<String> {
     let names: std::collections::BTreeSet<&String> = was.keys().chain(is.keys()).collect();
     let said = |value: Option<&Value>| match value {
         None | Some(Value::Null) => "not set".to_owned(),
@@ -216,7 +294,7 @@ fn differences(was: &Identity, is: &Identity) -> Vec<String> {
 }
 
 /// A reader or writer that hashes the bytes it passes on.
-struct Hashing<T> {
+pub(super) struct Hashing<T> {
     inner: T,
     hasher: blake3::Hasher,
 }

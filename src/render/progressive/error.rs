@@ -1,6 +1,5 @@
 //! Error estimate of a picture from its two independent halves.
 
-use crate::film::Film;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -32,20 +31,22 @@ const GLINT: f64 = 4.0;
 /// Floor that is added to the square of a radiance in relative errors, over the square of the picture's mean.
 const FLOOR: f64 = 0.01;
 
-/// The error of the picture that the two halves form, where each half has the given number of rounds. `None` where a half has no rounds
-/// or the picture is black.
+/// The error of the picture that the two halves form, where each half has the given number of rounds. `pixels` gives the means of the
+/// picture and of its bias in the even and the odd half, pixel by pixel. `None` where a half has no rounds or the picture is black.
 ///
 /// The halves e and o, of n_e and n_o rounds, are independent of each other, as they share neither camera samples nor photons.
 /// So the variance of the whole is that of e - o times n_e n_o / n^2. The expectation of the product of the two bias estimates is the
 /// square of their mean, free of their noise.
-pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEstimate> {
+pub fn error_of_halves<I: Iterator<Item = [[DVec3; 2]; 2]>>(
+    pixels: impl Fn() -> I,
+    rounds: [u64; 2],
+) -> Option<ErrorEstimate> {
     let (even, odd) = (rounds[0] as f64, rounds[1] as f64);
     let all = even + odd;
     let whole = |e: DVec3, o: DVec3| (e * even + o * odd) / all;
-    let pixels = || halves[0].means_and_biases().zip(halves[1].means_and_biases());
     let mut sum = DVec3::ZERO;
     let mut count = 0.0;
-    for ([e, _], [o, _]) in pixels() {
+    for [[e, _], [o, _]] in pixels() {
         sum += whole(e, o).abs();
         count += 1.0;
     }
@@ -55,7 +56,7 @@ pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEsti
     }
     // Values are divided by the mean first, so that no square overflows or underflows.
     let (mut noise, mut other_noise, mut bias, mut glints) = (0.0, 0.0, 0.0, 0);
-    for ([e, e_bias], [o, o_bias]) in pixels() {
+    for [[e, e_bias], [o, o_bias]] in pixels() {
         let difference = (e - o) / mean;
         let square = |value: DVec3| value * value + FLOOR;
         let of_pixel = (difference * difference / square(whole(e, o) / mean)).element_sum();
@@ -87,9 +88,13 @@ pub fn error_of_halves(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEsti
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::{LayerSet, PixelSample};
+    use crate::film::{Film, HalvedSum, LayerSet, PixelSample, Precision};
     use crate::math::Rgb;
     use crate::sampling::{Rng, Stream};
+
+    fn estimate(halves: &[Film; 2], rounds: [u64; 2]) -> Option<ErrorEstimate> {
+        error_of_halves(|| HalvedSum::means_with(None, halves, Precision::Exact), rounds)
+    }
 
     /// Halves with uniform noise of this standard deviation per round, and bias estimates around `bias` with the same noise.
     fn halves(rounds: [u64; 2], deviation: f64, bias: f64, scale: f64) -> [Film; 2] {
@@ -115,7 +120,7 @@ mod tests {
     #[test]
     fn noise_and_bias_are_told_apart() {
         for (rounds, scale) in [([8, 8], 1.0), ([9, 8], 1e-25), ([20, 1], 1e20)] {
-            let found = error_of_halves(&halves(rounds, 0.5, 0.1, scale), rounds).unwrap();
+            let found = estimate(&halves(rounds, 0.5, 0.1, scale), rounds).unwrap();
             let n = (rounds[0] + rounds[1]) as f64;
             // 4096 independent pixels: the estimate of a variance is certain to 2.2 %; three standard errors on the root.
             let noise = 0.5 / n.sqrt() / 1.01f64.sqrt();
@@ -131,14 +136,14 @@ mod tests {
     fn what_one_half_alone_has_met_is_not_taken_for_light() {
         let rounds = [8, 8];
         let mut films = halves(rounds, 0.5, 0.0, 1.0);
-        let before = error_of_halves(&films, rounds).unwrap();
+        let before = estimate(&films, rounds).unwrap();
         assert_eq!((before.glints, before.noise_without_glints), (0, before.noise));
         let mut tile = films[0].tile(films[0].rect()).unwrap();
         let mut sample = PixelSample::default();
         sample.radiance[0] = Rgb::splat(9_000.0);
         tile.add(3, 4, 1.0, &sample);
         films[0].merge(&tile).unwrap();
-        let found = error_of_halves(&films, rounds).unwrap();
+        let found = estimate(&films, rounds).unwrap();
         assert_eq!(found.glints, 1);
         assert!((found.noise_without_glints / before.noise - 1.0).abs() < 0.5, "{found:?} {before:?}");
         // One of 4096 pixels is wrong by its whole value.
@@ -148,7 +153,7 @@ mod tests {
 
     #[test]
     fn nothing_is_known_of_one_round_or_of_darkness() {
-        assert_eq!(error_of_halves(&halves([1, 0], 0.5, 0.0, 1.0), [1, 0]), None);
-        assert_eq!(error_of_halves(&halves([1, 1], 0.5, 0.0, 0.0), [1, 1]), None);
+        assert_eq!(estimate(&halves([1, 0], 0.5, 0.0, 1.0), [1, 0]), None);
+        assert_eq!(estimate(&halves([1, 1], 0.5, 0.0, 0.0), [1, 1]), None);
     }
 }

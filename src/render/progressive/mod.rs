@@ -6,10 +6,19 @@
 
 mod checkpoint;
 mod error;
+mod fold;
 mod law;
+mod merge;
+mod part;
 
 pub use checkpoint::{Checkpoint, CheckpointError, blank_checkpoint_bytes, parse_checkpoint_bytes};
 pub use error::{ErrorEstimate, error_of_halves};
+pub use fold::{BLOCK, blocks_of};
+pub use merge::{MergeError, Merged, merge_parts, rounds_needed};
+pub use part::{
+    PartError, PartHeader, PartOutcome, PartRange, blank_part_bytes, is_part_of, parse_part_bytes,
+    render_part,
+};
 
 use super::glints::{GlintSearch, Glints, find_glints};
 use super::maps::{ForPicture, PassOne, build_maps_from, photon_budget};
@@ -20,11 +29,12 @@ use super::pixels::{
 use super::settings::Settings;
 use super::stats::Statistics;
 use crate::camera::Camera;
-use crate::film::{Film, FilmError, LayerSet};
-use crate::integrators::{Counters, Narrowing, PhotonBudget, PhotonMapSettings};
+use crate::film::{Film, FilmError, HalvedSum, LayerSet, Precision};
+use crate::integrators::{Narrowing, PhotonBudget, PhotonMapSettings};
 use crate::observer::Observer;
 use crate::scene::{IntegratorKind, RenderPlan, Scene};
 use checkpoint::{Header, Identity};
+use fold::Fold;
 use law::Areas;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -125,43 +135,16 @@ pub fn render_in_rounds(
     observer: &dyn Observer,
     rounds: Rounds,
 ) -> Result<Rendered, RenderError> {
+    let request = &with_bias(scene, request)?;
     let settings = &request.settings;
-    if settings.integrator != IntegratorKind::Progressive {
-        return Err(CheckpointError::NoRounds.into());
-    }
-    if settings.spp == 0 {
-        return Err(RenderError::NoSamples);
-    }
-    check_media(scene, settings)?;
-    let request = &RenderRequest { layers: LayerSet { bias: true, ..request.layers }, ..request.clone() };
     let plan = &settings.plan(scene);
-    let identity = rounds.identity_of(request);
-    let film = || Film::new(request.width, request.height, request.crop, request.layers);
-    let empty = [film()?, film()?];
-    let mut state = match &rounds.resume {
-        Some(path) => Checkpoint::read(path, &identity, empty)?,
-        None => {
-            let header =
-                Header { identity, statistics: RoundStatistics::default(), counters: Counters::default() };
-            Checkpoint { header, halves: empty }
-        }
-    };
-    state.header.statistics.resumed = state.header.statistics.done;
+    let mut state = start(request, &rounds, Fold::Sum(None), rounds.identity_of(request))?;
     state.header.statistics.target_error = settings.target_error;
-    let mut warnings = Vec::new();
-    let glints = match find_glints(scene, camera, request, plan, observer) {
-        GlintSearch::Done(glints) => Some(*glints),
-        GlintSearch::Unplanned => None,
-        GlintSearch::Late => {
-            warnings.push(GlintSearch::LATE.to_owned());
-            None
-        }
-    };
-    let budget = photon_budget(scene, camera, plan, settings);
     // A resumed render keeps its round size.
     let deadline = observer.deadline().filter(|_| state.header.statistics.done == 0);
+    let mut job = Job::new(scene, camera, request, plan, [observer; 2]);
     if let Some(deadline) = deadline {
-        let budget = budget.as_ref();
+        let budget = job.budget.as_ref();
         let paced = Pace { scene, camera, request, plan, finest: &[], budget, deadline, observer }
             .fit(&Settings { illumination_maps: false, ..settings.clone() })?;
         let size = |settings: &Settings| RoundSize {
@@ -171,7 +154,7 @@ pub fn render_in_rounds(
         };
         let fitted = size(&paced.settings);
         state.header.statistics.fitted = (fitted != size(settings)).then_some(fitted);
-        warnings.extend(paced.warnings);
+        job.warnings.extend(paced.warnings);
     }
     let fitted = state.header.statistics.fitted.map(|size| {
         let RoundSize { spp, global_photons, caustic_photons } = size;
@@ -179,19 +162,40 @@ pub fn render_in_rounds(
             Settings { spp, global_photons, caustic_photons, photons_memory: None, ..settings.clone() };
         RenderRequest { settings, ..request.clone() }
     });
-    let request = fitted.as_ref().unwrap_or(request);
-    let job = Job { scene, camera, request, plan, glints, warnings, budget, observer };
-    let mut run = Run {
-        job,
-        state,
-        areas: Areas::new(),
-        total: None,
-        stopped: false,
-        kept: Instant::now(),
-        failure: None,
-    };
-    run.all(&rounds)?;
+    job.request = fitted.as_ref().unwrap_or(request);
+    let mut run = Run::new(job, state, 0, Precision::Rounded);
+    run.all(&rounds, settings.rounds.unwrap_or(u64::MAX))?;
     run.finish()
+}
+
+/// The request with the layer of the estimated bias, if rounds can render it.
+fn with_bias(scene: &Scene, request: &RenderRequest) -> Result<RenderRequest, RenderError> {
+    let settings = &request.settings;
+    if settings.integrator != IntegratorKind::Progressive {
+        return Err(CheckpointError::NoRounds.into());
+    }
+    if settings.spp == 0 {
+        return Err(RenderError::NoSamples);
+    }
+    check_media(scene, settings)?;
+    Ok(RenderRequest { layers: LayerSet { bias: true, ..request.layers }, ..request.clone() })
+}
+
+/// The state of the checkpoint to resume from, or that before the first round.
+fn start(
+    request: &RenderRequest,
+    rounds: &Rounds,
+    fold: Fold,
+    identity: Identity,
+) -> Result<Checkpoint, RenderError> {
+    let film = || Film::new(request.width, request.height, request.crop, request.layers);
+    let empty = [film()?, film()?];
+    let mut state = match &rounds.resume {
+        Some(path) => Checkpoint::read(path, &identity, empty)?,
+        None => Checkpoint::new(identity, fold, empty),
+    };
+    state.header.statistics.resumed = state.header.statistics.done;
+    Ok(state)
 }
 
 struct Job<'a> {
@@ -207,7 +211,28 @@ struct Job<'a> {
     observer: &'a dyn Observer,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
+    /// The observers are that of the rounds, and that of the search for glints before them.
+    fn new(
+        scene: &'a Scene,
+        camera: &'a Camera,
+        request: &'a RenderRequest,
+        plan: &'a RenderPlan,
+        [observer, of_search]: [&'a dyn Observer; 2],
+    ) -> Self {
+        let mut warnings = Vec::new();
+        let glints = match find_glints(scene, camera, request, plan, of_search) {
+            GlintSearch::Done(glints) => Some(*glints),
+            GlintSearch::Unplanned => None,
+            GlintSearch::Late => {
+                warnings.push(GlintSearch::LATE.to_owned());
+                None
+            }
+        };
+        let budget = photon_budget(scene, camera, plan, &request.settings);
+        Self { scene, camera, request, plan, glints, warnings, budget, observer }
+    }
+
     fn film(&self) -> Result<Film, FilmError> {
         let RenderRequest { width, height, crop, layers, .. } = *self.request;
         Film::new(width, height, crop, layers)
@@ -227,7 +252,12 @@ impl Job<'_> {
     }
 
     /// Renders one round. Returns `None` where it was stopped.
-    fn round(&self, round: u64, area: f64) -> Result<Option<(Film, PassOne, PassTwoReport)>, RenderError> {
+    fn round(
+        &self,
+        round: u64,
+        area: f64,
+        is_first: bool,
+    ) -> Result<Option<(Film, PassOne, PassTwoReport)>, RenderError> {
         let asked = &self.request.settings;
         // The fixed bins of illumination maps would keep their bias. Adaptive sample counts that change from round to round would not
         // keep the numbering of samples.
@@ -237,7 +267,7 @@ impl Job<'_> {
             adaptive: false,
             ..asked.clone()
         };
-        let observer = RoundObserver { inner: self.observer, is_first: round == 0 };
+        let observer = RoundObserver { inner: self.observer, is_first };
         let for_picture = ForPicture { budget: self.budget.as_ref(), ..ForPicture::default() };
         let pass_one = build_maps_from(self.scene, self.plan, &settings, for_picture, &observer)?;
         if pass_one.cancelled {
@@ -282,57 +312,115 @@ impl Observer for RoundObserver<'_> {
 struct Run<'a> {
     job: Job<'a>,
     state: Checkpoint,
+    /// Number of the first round.
+    first: u64,
+    /// Precision of blocks that are followed by others, or are those of a part.
+    precision: Precision,
     areas: Areas,
     /// Statistics of the rounds of this run.
     total: Option<Statistics>,
     stopped: bool,
     /// Time when the checkpoint was last written.
     kept: Instant,
+    /// Time that writing it took.
+    writing: Duration,
     /// Why the checkpoint could not be written, where it failed.
     failure: Option<CheckpointError>,
 }
 
-impl Run<'_> {
-    fn all(&mut self, rounds: &Rounds) -> Result<(), RenderError> {
-        let settings = &self.job.request.settings;
-        let wanted = settings.rounds.unwrap_or(u64::MAX);
+impl<'a> Run<'a> {
+    fn new(job: Job<'a>, state: Checkpoint, first: u64, precision: Precision) -> Self {
+        let (areas, kept) = (Areas::new(), Instant::now());
+        Self {
+            job,
+            state,
+            first,
+            precision,
+            areas,
+            total: None,
+            stopped: false,
+            kept,
+            writing: Duration::ZERO,
+            failure: None,
+        }
+    }
+
+    /// Renders up to `wanted` rounds from the first on, and writes checkpoints.
+    fn all(&mut self, rounds: &Rounds, wanted: u64) -> Result<(), RenderError> {
         let start = Instant::now();
         self.announce(wanted);
         while self.state.header.statistics.done < wanted && !self.has_reached() {
             let done = self.state.header.statistics.done;
             let in_this_run = done - self.state.header.statistics.resumed;
-            if done > 0 && (self.job.observer.should_stop() || self.is_too_late(start, in_this_run)) {
+            // A run of a part ends with more than it began with, however short its time is.
+            let is_first = if self.is_part() { in_this_run == 0 } else { done == 0 };
+            let should_stop = match is_first {
+                true => self.is_part() && self.job.observer.is_cancelled(),
+                false => self.job.observer.should_stop() || self.is_too_late(start, in_this_run),
+            };
+            if should_stop {
                 self.stopped = true;
                 break;
             }
             let begun = Instant::now();
-            let area = self.areas.at(done);
-            let Some((film, pass_one, report)) = self.job.round(done, area)? else {
+            let round = self.first + done;
+            let area = self.areas.at(round);
+            let Some((film, pass_one, report)) = self.job.round(round, area, is_first)? else {
                 self.stopped = true;
                 break;
             };
-            self.state.halves[(done % 2) as usize].add(&film)?;
+            if done > 0 && done.is_multiple_of(BLOCK) {
+                self.close()?;
+            }
+            self.state.halves[(round % 2) as usize].add(&film)?;
             self.count(pass_one, report);
             let statistics = &mut self.state.header.statistics;
             (statistics.done, statistics.area) = (done + 1, area);
             statistics.seconds += begun.elapsed().as_secs_f64();
             self.evaluate(wanted);
-            if self.kept.elapsed() >= KEPT_EVERY {
+            // Writing takes a twentieth of the time at most.
+            if self.kept.elapsed() >= KEPT_EVERY.max(20 * self.writing) && done + 1 < wanted {
                 self.keep(rounds);
             }
         }
-        if self.state.header.statistics.done > 0 {
+        let is_whole = self.state.header.statistics.done >= wanted;
+        if self.state.header.statistics.done > 0 && !(self.is_part() && is_whole) {
             self.keep(rounds);
         }
         Ok(())
+    }
+
+    fn is_part(&self) -> bool {
+        matches!(self.state.fold, Fold::Blocks(_))
+    }
+
+    /// Ends the present block, as another round follows or a part is complete.
+    fn close(&mut self) -> Result<(), FilmError> {
+        let halves = std::mem::replace(&mut self.state.halves, [self.job.film()?, self.job.film()?]);
+        self.state.fold.add(halves, self.precision)
+    }
+
+    /// Precision of the present block, if no other follows.
+    fn precision_so_far(&self) -> Precision {
+        if self.state.fold.sum().is_some() { Precision::Rounded } else { Precision::Exact }
+    }
+
+    /// Estimated error of all rounds so far.
+    fn error(&self) -> Option<ErrorEstimate> {
+        let (sum, precision) = (self.state.fold.sum(), self.precision_so_far());
+        let done = self.state.header.statistics.done;
+        let means = || HalvedSum::means_with(sum, &self.state.halves, precision);
+        error_of_halves(means, [done.div_ceil(2), done / 2])
     }
 
     /// Writes a checkpoint of the rounds so far, where one is requested. A failed write does not end the render: the disk may have room
     /// later.
     fn keep(&mut self, rounds: &Rounds) {
         if let Some(path) = &rounds.checkpoint {
+            let begun = Instant::now();
             self.failure = self.state.write(path).err();
             self.kept = Instant::now();
+            self.writing = begun.elapsed();
         }
     }
 
@@ -352,15 +440,18 @@ impl Run<'_> {
     }
 
     fn evaluate(&mut self, wanted: u64) {
-        let statistics = &mut self.state.header.statistics;
-        let done = statistics.done;
-        if done.is_power_of_two()
+        let done = self.state.header.statistics.done;
+        let statistics = &self.state.header.statistics;
+        if self.is_part() {
+            // One part does not tell the error of the picture.
+        } else if done.is_power_of_two()
             || done == wanted
             || statistics.target_error.is_some() && done.is_multiple_of(2)
         {
-            statistics.error = error_of_halves(&self.state.halves, [done.div_ceil(2), done / 2]);
+            self.state.header.statistics.error = self.error();
         }
-        if done.is_power_of_two() {
+        if done.is_power_of_two() && !self.is_part() {
+            let statistics = &mut self.state.header.statistics;
             statistics.history.extend(statistics.error);
             self.announce(wanted);
         }
@@ -398,16 +489,21 @@ impl Run<'_> {
     }
 
     fn finish(self) -> Result<Rendered, RenderError> {
+        let error = self.error();
+        let precision = self.precision_so_far();
         let Self { job, state, total, stopped, failure, .. } = self;
-        let Checkpoint { header, halves } = state;
+        let Checkpoint { header, mut fold, halves } = state;
         let done = header.statistics.done;
         let settings = &job.request.settings;
         let mut numbers =
             total.unwrap_or_else(|| statistics(job.scene, settings, job.plan.clone(), PassOne::default()));
         let mut rounds = header.statistics;
-        rounds.error = error_of_halves(&halves, [done.div_ceil(2), done / 2]);
-        let [mut film, odd] = halves;
-        film.add(&odd)?;
+        rounds.error = error;
+        fold.add(halves, precision)?;
+        let film = match fold {
+            Fold::Sum(Some(sum)) => sum.into_film(),
+            Fold::Sum(None) | Fold::Blocks(_) => job.film()?,
+        };
         numbers.counters = header.counters;
         numbers.complete(&film, job.scene);
         numbers.warnings.extend(job.warnings);
