@@ -6,18 +6,22 @@
 
 mod area;
 mod choice;
+mod cie_sky;
 mod environment;
 mod sky;
 mod spot;
 mod sun;
+mod sun_position;
 mod tree;
 
 pub use area::{AreaLight, EmissionStart};
 pub use choice::{LIGHTS_SAMPLED_EACH, LightChoice, LightGroup};
+pub use cie_sky::{CieSky, CieSkyKind};
 pub use environment::{EnvironmentLight, EnvironmentMap, Mended};
 pub use sky::{SUN_ANGULAR_RADIUS, Sky};
 pub use spot::{Cone, Profile, ProfileTable, SpotLight};
 pub use sun::SunLight;
+pub use sun_position::{SunPosition, julian_day, sun_position};
 pub use tree::{LightBounds, LightTree};
 
 use crate::math::{Rgb, unit};

@@ -7,6 +7,7 @@ use super::mesh::TriangleMesh;
 use super::room::Choice;
 use crate::bsdf::Bsdf;
 use crate::film::PixelRect;
+use crate::lights::CieSkyKind;
 use crate::math::{Bounds3, Rgb};
 use crate::media::{Coefficients, Phase};
 use crate::scene::{IlluminationKernel, LayeredMaterial, Tangent};
@@ -434,6 +435,8 @@ pub enum GeometryDescription {
         normals: MeshNormals,
         /// Whether faces take their materials from the file (an OBJ's MTL), where it has them.
         own_materials: bool,
+        /// Materials of the file that others take the place of: their names, and indices into [`SceneDescription::materials`].
+        replaced: Vec<(String, usize)>,
         /// Placement of a mesh whose size is not known beforehand; applied before the shape's transform.
         fit: Option<FitDescription>,
     },
@@ -678,6 +681,23 @@ pub enum LightDescription {
         sun: bool,
         /// Axes to which x, y (the zenith) and z of the sky are mapped, as for an environment map.
         axes: Option<DMat3>,
+    },
+    /// A sky of the CIE, with or without its sun.
+    CieSky {
+        /// Which one.
+        kind: CieSkyKind,
+        /// Elevation of the sun above the horizon, radians, in `[0, pi/2]`.
+        elevation: f64,
+        /// Azimuth of the sun, from -z to +x, radians.
+        azimuth: f64,
+        /// Irradiance of the sky alone on level ground, W/m^2.
+        irradiance: DVec3,
+        /// Irradiance of the sun alone on a surface that faces it, W/m^2; none where it does not shine.
+        sun: Option<DVec3>,
+        /// Reflectance of the ground plane under the sky, in `[0, 1]`.
+        albedo: DVec3,
+        /// Factor on all of it.
+        factor: DVec3,
     },
     /// A spot light: a cone of light from a point.
     Spot {

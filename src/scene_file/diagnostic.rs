@@ -144,6 +144,11 @@ pub(super) struct SourceText<'a> {
 }
 
 impl<'a> SourceText<'a> {
+    /// The file.
+    pub(super) fn file(&self) -> &Path {
+        &self.file
+    }
+
     pub(super) fn new(text: &'a str, file: &Path) -> Self {
         let ends = text.bytes().enumerate().filter(|&(_, byte)| byte == b'\n').map(|(at, _)| at + 1);
         let line_starts = std::iter::once(0).chain(ends).collect();

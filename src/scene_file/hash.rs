@@ -148,8 +148,11 @@ fn write_shape(out: &mut impl Write, shape: &ShapeDescription) -> fmt::Result {
         illumination: _,
     } = shape;
     match geometry {
-        GeometryDescription::MeshFile { path: _, normals, own_materials, fit } => {
+        GeometryDescription::MeshFile { path: _, normals, own_materials, replaced, fit } => {
             write!(out, "file {normals:?} {own_materials} {fit:?}")?;
+            if !replaced.is_empty() {
+                write!(out, " {replaced:?}")?;
+            }
         }
         other => write!(out, "{other:?}")?,
     }

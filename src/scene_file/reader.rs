@@ -12,9 +12,11 @@ use glam::DVec3;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::ops::{Range, RangeInclusive};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+use toml::value::Datetime;
 
 /// Most errors of a file that are kept; the rest are only counted. A text may have millions.
 const KEPT: usize = 100;
@@ -25,7 +27,7 @@ pub(super) struct Context<'a> {
     pub(super) source: SourceText<'a>,
     /// Folder of the file, from which relative paths start.
     pub(super) folder: PathBuf,
-    pub(super) parameters: Parameters,
+    pub(super) parameters: Rc<Parameters>,
     diagnostics: RefCell<Vec<(usize, Diagnostic)>>,
     /// Number of errors beyond those kept.
     more: Cell<u64>,
@@ -37,7 +39,7 @@ impl<'a> Context<'a> {
         Self {
             source,
             folder,
-            parameters: Parameters::default(),
+            parameters: Rc::default(),
             diagnostics: RefCell::default(),
             more: Cell::default(),
             warnings: RefCell::default(),
@@ -85,6 +87,16 @@ impl<'a> Context<'a> {
     pub(super) fn warn(&self, span: &Range<usize>, message: impl Into<String>) {
         let location = self.source.location(span.start);
         self.warnings.borrow_mut().push(SceneWarning { location, message: message.into() });
+    }
+
+    /// Records a warning about a place that may be in another file.
+    pub(super) fn warn_at(&self, location: Location, message: impl Into<String>) {
+        self.warnings.borrow_mut().push(SceneWarning { location, message: message.into() });
+    }
+
+    /// The file.
+    pub(super) fn file(&self) -> &Path {
+        self.source.file()
     }
 
     pub(super) fn location(&self, span: &Range<usize>) -> Location {
@@ -347,6 +359,14 @@ impl<'a> Value<'a> {
         }
         let numbers: Vec<_> = items.map(|item| item.number(expected)).collect();
         Some(DVec3::new(numbers[0]?, numbers[1]?, numbers[2]?))
+    }
+
+    /// The value as a date or time, if it is one.
+    pub(super) fn datetime(&self) -> Option<Datetime> {
+        match self.value.get_ref() {
+            DeValue::Datetime(found) => Some(*found),
+            _ => None,
+        }
     }
 
     /// Two numbers, each in a range.

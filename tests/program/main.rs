@@ -12,6 +12,7 @@ mod common;
 mod error_figures;
 mod first_pictures;
 mod image_io;
+mod libraries;
 mod mesh_looks;
 mod messages;
 mod mitsuba;

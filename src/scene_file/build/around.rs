@@ -258,7 +258,8 @@ fn move_scene(scene: &mut SceneDescription, by: &DAffine3, scale: f64, kept: &[b
             // These lights have no position, and their orientation stays.
             LightDescription::Environment { .. }
             | LightDescription::EnvironmentMap { .. }
-            | LightDescription::Sky { .. } => {}
+            | LightDescription::Sky { .. }
+            | LightDescription::CieSky { .. } => {}
         }
     }
 }

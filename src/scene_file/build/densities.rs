@@ -220,7 +220,8 @@ fn grown(description: &SceneDescription, around: &Bounds3, grow: f64) -> Bounds3
         | LightDescription::Sun { .. }
         | LightDescription::Environment { .. }
         | LightDescription::EnvironmentMap { .. }
-        | LightDescription::Sky { .. } => None,
+        | LightDescription::Sky { .. }
+        | LightDescription::CieSky { .. } => None,
     });
     let all = eye.chain(lights).fold(*around, Bounds3::with_point);
     let out = (grow - 1.0) * all.radius();

@@ -6,6 +6,7 @@ use crate::scene_file::description::{
     GeometryDescription, InstanceDescription, MaterialDescription, MeshNormals, Named, SceneDescription,
     SceneWarning, ShapeDescription,
 };
+use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::gltf::{gltf_model, is_gltf_file};
 use crate::scene_file::mesh::TriangleMesh;
 use glam::DAffine3;
@@ -56,7 +57,8 @@ pub(super) fn with_normals(mesh: &Arc<TriangleMesh>, normals: MeshNormals) -> Ar
 
 /// Replaces `shape` by the shapes of its file, with the file's materials and media where these are wanted.
 pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>) -> Result<(), BuildError> {
-    let GeometryDescription::MeshFile { path, normals, own_materials, fit } = &shape.value.geometry else {
+    let GeometryDescription::MeshFile { path, normals, own_materials, replaced, fit } = &shape.value.geometry
+    else {
         return Ok(());
     };
     let error = |problem| error_of(shape, problem);
@@ -89,6 +91,15 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
             material
         }));
     }
+    warn_of_unknown(
+        taken,
+        shape,
+        &model.materials.iter().map(|material| &*material.name).collect::<Vec<_>>(),
+    );
+    let replacement = |part: &ShapeDescription| {
+        let name = &model.materials[part.material].name;
+        replaced.iter().find(|(replaced, _)| replaced == name).map(|(_, material)| *material)
+    };
     // A shape that belongs to a group cannot be grouped again: its meshes are added individually.
     let is_grouped = shape.value.group.is_some();
     if !is_grouped {
@@ -115,13 +126,16 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
                 value: ShapeDescription {
                     geometry: GeometryDescription::Gltf { mesh: Arc::clone(&mesh), data: Arc::clone(&data) },
                     transform,
-                    material: if *own_materials {
-                        first_material + part.value.material
-                    } else {
-                        shape.value.material
+                    material: match replacement(&part.value) {
+                        Some(material) if *own_materials => material,
+                        None if *own_materials => first_material + part.value.material,
+                        _ => shape.value.material,
                     },
                     flip_normal: shape.value.flip_normal != part.value.flip_normal,
-                    emission: if *own_materials { part.value.emission } else { shape.value.emission },
+                    emission: match *own_materials {
+                        true => part.value.emission.filter(|_| replacement(&part.value).is_none()),
+                        false => shape.value.emission,
+                    },
                     displacement: None,
                     group: if stays {
                         part.value.group.map(|group| first_group + group)
@@ -134,4 +148,18 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
         }
     }
     Ok(())
+}
+
+/// Warns about materials that a shape replaces and its file, which has those in `names`, does not have.
+pub(super) fn warn_of_unknown(taken: &mut SceneDescription, shape: &Named<ShapeDescription>, names: &[&str]) {
+    let GeometryDescription::MeshFile { path, replaced, .. } = &shape.value.geometry else { return };
+    for (name, _) in replaced.iter().filter(|(name, _)| !names.contains(&name.as_str())) {
+        let message = format!(
+            "{}: no material of {} is named `{name}`, so nothing is replaced; {}",
+            shape.name,
+            path.display(),
+            if names.is_empty() { "it has none".to_owned() } else { suggestion(name, names) }
+        );
+        taken.warnings.push(SceneWarning { location: shape.location.clone(), message });
+    }
 }

@@ -94,6 +94,13 @@ impl LightSource {
                 let sun = sun.then(|| (turned(sky.towards_sun()), sky.sun_irradiance()));
                 Self::Sky { map, axes, factor, sun }
             }
+            LightDescription::CieSky { kind, elevation, azimuth, irradiance, sun, albedo, factor } => {
+                let sky = CieSky::new(kind, elevation, azimuth).ok_or(BuildProblem::Sky)?;
+                let of_sun = sun.unwrap_or(DVec3::ZERO);
+                let map = sky.map(SKY_ROWS, irradiance, of_sun, albedo.as_vec3());
+                let sun = sun.map(|irradiance| (sky.towards_sun(), irradiance));
+                Self::Sky { map: Arc::new(map.ok_or(BuildProblem::Sky)?), axes: None, factor, sun }
+            }
             LightDescription::Spot { position, direction, intensity, inner, outer } => {
                 Self::Spot { position, direction, intensity, cone: Cone::new(inner, outer) }
             }

@@ -155,6 +155,7 @@ fn ply_parts(
 ) -> Result<Vec<Part>, BuildProblem> {
     let model = read_ply_model(path, reading).map_err(MeshFileError::from)?;
     no_cloud(shape, path, &model.report)?;
+    gltf_shapes::warn_of_unknown(taken, shape, &[]);
     let mut messages = model.report.findings();
     let PlyModel { mesh, colours, textures, triangle_textures, unmapped_faces, .. } = model;
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -348,7 +349,21 @@ fn add_materials(
     let mut pictures = Pictures::default();
     let mut messages = Vec::new();
     let has_colours = obj.colours.is_some();
+    let names: Vec<&str> = obj.parts.iter().filter_map(|part| part.material.as_deref()).collect();
+    gltf_shapes::warn_of_unknown(taken, shape, &names);
+    let replaced: &[(String, usize)] = match &shape.value.geometry {
+        GeometryDescription::MeshFile { replaced, .. } => replaced,
+        _ => &[],
+    };
     for part in &obj.parts {
+        let other = replaced.iter().find(|(name, _)| Some(name) == part.material.as_ref());
+        if let Some(&(_, number)) = other {
+            let has_picture = matches!(&taken.materials[number].value,
+                MaterialDescription::Layered { material, .. } if material.slots().next().is_some());
+            let added_one = Added { number, emission: None, has_picture, is_coloured: false };
+            added.insert(part.material.clone(), added_one);
+            continue;
+        }
         let material = part.material.as_deref().and_then(|name| found.get(name));
         let Some(Found { material, folder }) = material else {
             missing.extend(part.material.as_deref());

@@ -264,6 +264,7 @@ fn exposure(description: &SceneDescription, bounds: &Bounds3) -> f64 {
             LightDescription::Sun { .. }
             | LightDescription::EnvironmentMap { .. }
             | LightDescription::Sky { .. }
+            | LightDescription::CieSky { .. }
             | LightDescription::Profile { .. } => 0.0,
             LightDescription::Environment { radiance } => radiance.max_element() * std::f64::consts::PI,
         })

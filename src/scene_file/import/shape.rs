@@ -90,9 +90,13 @@ impl Building<'_> {
         needs: Needs,
     ) -> GeometryDescription {
         match form {
-            Form::File { path, normals } => {
-                GeometryDescription::MeshFile { path, normals, own_materials: false, fit: None }
-            }
+            Form::File { path, normals } => GeometryDescription::MeshFile {
+                path,
+                normals,
+                own_materials: false,
+                replaced: Vec::new(),
+                fit: None,
+            },
             Form::Exact(geometry) => geometry,
             Form::Mesh { mesh, .. } if !needs.any() => GeometryDescription::Loaded {
                 mesh: Arc::new(mesh),

@@ -7,7 +7,7 @@ use crate::scene_file::reader::{Expected, NON_NEGATIVE, Table};
 use glam::DVec3;
 
 /// Lumens of a watt whose colour has the luminance 1.
-const LUMENS_PER_WATT: f64 = 683.0;
+pub(super) const LUMENS_PER_WATT: f64 = 683.0;
 
 /// A key that says how bright an emitter is.
 #[derive(Clone, Copy)]
@@ -31,6 +31,15 @@ pub(super) const fn lumens<T>(key: &'static str, of: T) -> Measure<T> {
 
 const TINT: Expected =
     Expected { what: "a colour of at least 0", example: "\"2700 K\"", holds: |x| x >= 0.0 };
+
+/// The colour of a key with the luminance 1; white without it.
+pub(super) fn tinted(table: &mut Table<'_>, key: &'static str) -> Option<DVec3> {
+    match table.optional(key, |value| value.colour(&TINT))? {
+        None => Some(DVec3::ONE),
+        Some(tint) if luminance(tint) > 0.0 => Some(tint / luminance(tint)),
+        Some(_) => table.refuse(format!("`{key}` is black"), "leave it out, or write a colour"),
+    }
+}
 
 /// Reads the one of some keys that a table has, in watts, and which it is. `Some(None)` where it has none of them.
 pub(super) fn read_brightness<T: Copy>(

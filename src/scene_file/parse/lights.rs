@@ -3,18 +3,15 @@
 use super::brightness::{lumens, read_brightness, watts};
 use super::names::Names;
 use super::read_name;
+use super::sky::read_sky;
 use crate::files::open_regular;
 use crate::lights::Cone;
 use crate::scene_file::description::*;
-use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, NUMBER, SHARE, Table, Value};
+use crate::scene_file::reader::{Expected, NON_NEGATIVE, NUMBER, SHARE, Table, Value};
 use glam::DVec3;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::PI;
 use std::path::PathBuf;
 
-const ELEVATION: Expected =
-    Expected { what: "an angle from 0 to 90 degrees", example: "35.0", holds: |x| (0.0..=90.0).contains(&x) };
-const TURBIDITY: Expected =
-    Expected { what: "a number from 1 to 10", example: "3.0", holds: |x| (1.0..=10.0).contains(&x) };
 /// A smaller disc would have a radiance beyond what single precision holds well.
 const DIAMETER: Expected = Expected {
     what: "an angle from 0.001 to 180 degrees, or 0 for parallel light",
@@ -41,11 +38,11 @@ enum Kind {
 }
 
 /// The lights, and for each the factor on its share of the photons.
-pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> (Vec<Named<LightDescription>>, Vec<f64>) {
+pub(super) fn read_lights(tables: Vec<(Table<'_>, f64)>) -> (Vec<Named<LightDescription>>, Vec<f64>) {
     let mut names = Names::new("light");
     let mut environment: Option<Location> = None;
     let (mut lights, mut shares) = (Vec::new(), Vec::new());
-    for (index, mut table) in tables.into_iter().enumerate() {
+    for (index, (mut table, unit)) in tables.into_iter().enumerate() {
         let name = read_name(&mut table, &mut names, "light", index);
         let location = table.location();
         let context = table.context();
@@ -57,6 +54,7 @@ pub(super) fn read_lights(tables: Vec<Table<'_>>, unit: f64) -> (Vec<Named<Light
             LightDescription::Environment { .. }
                 | LightDescription::EnvironmentMap { .. }
                 | LightDescription::Sky { .. }
+                | LightDescription::CieSky { .. }
         );
         if surrounds && let Some(first) = environment.replace(location.clone()) {
             let message = format!("a second environment: the first is at {first}");
@@ -114,7 +112,7 @@ fn read_light(mut table: Table<'_>, unit: f64) -> Option<LightDescription> {
     light
 }
 
-fn read_direction(value: Value<'_>) -> Option<DVec3> {
+pub(super) fn read_direction(value: Value<'_>) -> Option<DVec3> {
     match value.vector(&NUMBER)? {
         DVec3::ZERO => value.refuse("a direction", "give at least one number that is not 0"),
         direction => Some(direction),
@@ -155,43 +153,6 @@ fn read_environment(table: &mut Table<'_>) -> Option<LightDescription> {
         turn: turn?.to_radians(),
         axes: None,
         factor: factor?,
-    })
-}
-
-fn read_sky(table: &mut Table<'_>) -> Option<LightDescription> {
-    let direction = table.optional("sun-direction", read_direction);
-    let elevation = table.optional("elevation", |value| value.number(&ELEVATION));
-    let azimuth = table.optional("azimuth", |value| value.number(&NUMBER));
-    let turbidity = table.or("turbidity", 3.0, |value| value.number(&TURBIDITY));
-    let albedo = table.or("albedo", DVec3::splat(0.2), |value| value.colour(&FRACTION));
-    let factor = table.or("scale", DVec3::ONE, |value| value.colour(&NON_NEGATIVE));
-    let sun = table.or("sun", true, |value| value.boolean());
-    let (elevation, azimuth) = match (direction?, elevation?, azimuth?) {
-        (None, Some(elevation), azimuth) => (elevation.to_radians(), azimuth.unwrap_or(0.0).to_radians()),
-        (Some(towards), None, None) if towards.y >= 0.0 => {
-            (towards.y.atan2(towards.x.hypot(towards.z)).clamp(0.0, FRAC_PI_2), towards.x.atan2(-towards.z))
-        }
-        (Some(_), None, None) => {
-            return table.refuse(
-                format!("the sun of {} is below the horizon", table.title()),
-                "`sun-direction` points from the ground to the sun; its second number is at least 0",
-            );
-        }
-        _ => {
-            return table.refuse(
-                format!("{} does not say where the sun is, or says it twice", table.title()),
-                "give `elevation` (and `azimuth`) in degrees, or `sun-direction` instead",
-            );
-        }
-    };
-    Some(LightDescription::Sky {
-        elevation,
-        azimuth,
-        turbidity: turbidity?,
-        albedo: albedo?,
-        factor: factor?,
-        sun: sun?,
-        axes: None,
     })
 }
 

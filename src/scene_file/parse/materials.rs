@@ -1,5 +1,6 @@
 //! `[materials.NAME]`, and the ranges that materials and media share.
 
+use super::entries;
 use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
 use super::index::{Index, read_index};
 use super::names::Names;
@@ -31,18 +32,19 @@ pub(super) fn read_absorption(table: &mut Table<'_>, unit: f64) -> Option<DVec3>
 
 /// Materials by name. Unnamed media, from `ior = ...` in a dielectric, are added to `media`.
 pub(super) fn read_materials(
-    table: Option<Table<'_>>,
+    tables: &[(Table<'_>, f64)],
     media_names: &Names,
     media: &mut Vec<Named<MediumDescription>>,
     textures: &Names,
-    unit: f64,
 ) -> (Vec<Named<MaterialDescription>>, Vec<MaterialLook>, Names) {
     let mut names = Names::new("material");
     let mut materials = Vec::new();
     let mut looks = Vec::new();
-    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
+    for (span, value, unit) in entries(tables) {
         let name = value.name();
-        names.add(name, span.clone());
+        if names.declare(value.context(), name, &span).is_none() {
+            continue;
+        }
         let example = format!("write `[materials.{name}]` and below it `type = \"lambert\"`");
         let context = value.context();
         let location = context.location(&span);

@@ -1,6 +1,7 @@
 //! `[media.NAME]`.
 
 use super::density::{FACTOR, read_density, read_fills};
+use super::entries;
 use super::index::{IOR, Index, read_index};
 use super::materials::read_absorption;
 use super::names::Names;
@@ -24,14 +25,14 @@ const MEAN_COSINE: Expected = Expected {
 };
 
 /// Media by name, with `air` first.
-pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<MediumDescription>>, Names) {
+pub(super) fn read_media(tables: &[(Table<'_>, f64)]) -> (Vec<Named<MediumDescription>>, Names) {
     let mut names = Names::new("medium");
-    names.add("air", 0..0);
+    names.add("air", Location::default());
     let air =
         MediumDescription { ior: 1.0, dispersion: None, absorption: DVec3::ZERO, priority: 0, volume: None };
     let mut media =
         vec![Named { name: "air".to_string(), location: Location::default(), value: air.clone() }];
-    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
+    for (span, value, unit) in entries(tables) {
         let context = value.context();
         let name = value.name();
         if name == "air" {
@@ -39,7 +40,9 @@ pub(super) fn read_media(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<Medi
             context.error(&span, "`air` cannot be defined anew", remedy);
             continue;
         }
-        names.add(name, span.clone());
+        if names.declare(context, name, &span).is_none() {
+            continue;
+        }
         let example = format!("write `[media.{name}]` and below it `ior = 1.5`");
         let medium =
             value.table(format!("[media.{name}]"), &example).and_then(|medium| read_medium(medium, unit));

@@ -4,6 +4,7 @@ mod brightness;
 mod density;
 mod generate;
 mod glossy;
+mod include;
 mod index;
 mod lights;
 mod materials;
@@ -12,6 +13,7 @@ mod names;
 mod objects;
 mod settings;
 mod shapes;
+mod sky;
 #[cfg(test)]
 mod tests;
 mod textures;
@@ -23,11 +25,13 @@ use super::diagnostic::{SceneFileError, SourceText};
 use super::parameters::Parameters;
 use super::reader::{Context, Findings, POSITIVE, Table, Value};
 use crate::files::{foreign_by_content, foreign_file, open_regular, read_regular, text_of};
+use include::{Included, Library};
 use names::Names;
 use std::borrow::Cow;
 use std::io::ErrorKind;
 use std::ops::Range;
 use std::path::Path;
+use std::rc::Rc;
 use toml::de::{DeTable, DeValue};
 
 /// Longest scene text that is read. An array of single digits takes 90 times its text in memory, so this bound keeps the memory
@@ -115,15 +119,70 @@ pub fn parse_scene(
         context.error_of_file("the scene file is empty", remedy);
         return Err(context.into_findings().into_error());
     }
-    context.parameters = read_parameters(&context, root.get_ref(), parameters);
-    let scene = read_scene(&context, root.get_ref(), file);
+    context.parameters = Rc::new(read_parameters(&context, root.get_ref(), parameters));
+    let mut library = Library::default();
+    library.read(&mut Table::new(&context, root.get_ref(), 0..0, "the scene file"), 0);
+    let Library { files, diagnostics: mut wrong, .. } = library;
+    let parsed: Vec<_> = files.iter().map(|included| DeTable::parse_recoverable(&included.text)).collect();
+    let contexts: Vec<Context<'_>> = files
+        .iter()
+        .map(|Included { file, text }| {
+            let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
+            let parameters = Rc::clone(&context.parameters);
+            Context { parameters, ..Context::new(SourceText::new(text, file), folder) }
+        })
+        .collect();
+    for (context, (_, syntax_errors)) in contexts.iter().zip(&parsed) {
+        report_syntax(context, syntax_errors);
+    }
+    let parts = contexts.iter().zip(&parsed).filter(|(_, (_, errors))| errors.is_empty());
+    let parts: Vec<_> = parts.map(|(context, (root, _))| (context, root.get_ref())).collect();
+    let scene = read_scene(&context, root.get_ref(), file, &parts);
     context.parameters.warn_unused(&context);
-    let findings = context.into_findings();
+    drop(parts);
+    let mut warnings = Vec::new();
+    let mut more = 0;
+    for findings in contexts.into_iter().chain([context]).map(Context::into_findings) {
+        wrong.extend(findings.diagnostics);
+        warnings.extend(findings.warnings);
+        more += findings.more;
+    }
     match scene {
-        Some(scene) if findings.diagnostics.is_empty() => {
-            Ok(SceneDescription { warnings: findings.warnings, ..scene })
-        }
-        _ => Err(findings.into_error()),
+        Some(scene) if wrong.is_empty() => Ok(SceneDescription { warnings, ..scene }),
+        _ => Err(SceneFileError::Invalid { diagnostics: wrong, more }),
+    }
+}
+
+/// The entries of some tables with their places and the unit of their file, file by file and there in the order of the text.
+fn entries<'a>(tables: &[(Table<'a>, f64)]) -> impl Iterator<Item = (Range<usize>, Value<'a>, f64)> {
+    let of = |(table, unit): &(Table<'a>, f64)| {
+        let unit = *unit;
+        table.sorted_entries().into_iter().map(move |(span, value)| (span, value, unit))
+    };
+    tables.iter().flat_map(of)
+}
+
+/// The tables of a file from which a scene is put together, each with the unit of its file.
+#[derive(Default)]
+struct Sections<'a> {
+    media: Vec<(Table<'a>, f64)>,
+    textures: Vec<(Table<'a>, f64)>,
+    materials: Vec<(Table<'a>, f64)>,
+    shapes: Vec<(Table<'a>, f64)>,
+    instances: Vec<(Table<'a>, f64)>,
+    lights: Vec<(Table<'a>, f64)>,
+}
+
+impl<'a> Sections<'a> {
+    /// Adds those of a file.
+    fn add(&mut self, table: &mut Table<'a>, unit: f64) {
+        let with_unit = |table: Table<'a>| (table, unit);
+        self.media.extend(section(table, "media").map(with_unit));
+        self.textures.extend(section(table, "textures").map(with_unit));
+        self.materials.extend(section(table, "materials").map(with_unit));
+        self.shapes.extend(sections(table, "shapes").into_iter().map(with_unit));
+        self.instances.extend(sections(table, "instances").into_iter().map(with_unit));
+        self.lights.extend(sections(table, "lights").into_iter().map(with_unit));
     }
 }
 
@@ -156,10 +215,24 @@ fn read_parameters<'a>(
 }
 
 /// Reads the whole scene. `None` or recorded errors mean that the file is refused.
-fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) -> Option<SceneDescription> {
+fn read_scene<'a>(
+    context: &'a Context<'a>,
+    root: &'a DeTable<'a>,
+    file: &Path,
+    included: &[(&'a Context<'a>, &'a DeTable<'a>)],
+) -> Option<SceneDescription> {
+    let mut parts = Sections::default();
+    for &(context, root) in included {
+        let mut table = Table::new(context, root, 0..0, "the included file");
+        table.get("include");
+        let unit = table.or("unit", 1.0, read_unit).unwrap_or(1.0);
+        parts.add(&mut table, unit);
+        table.finish();
+    }
     let mut table = Table::new(context, root, 0..0, "the scene file");
-    // The parameters are read earlier and separately.
+    // These are read earlier and separately.
     table.get("parameters");
+    table.get("include");
     let stem = || file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let name = table.or("name", stem(), |value| value.string().map(|name| name.into_owned()));
     // Even with a wrong unit, the rest is read for its own errors.
@@ -168,24 +241,23 @@ fn read_scene<'a>(context: &'a Context<'a>, root: &'a DeTable<'a>, file: &Path) 
     let film = section(&mut table, "film").map_or(Some(view::default_film()), view::read_film);
     let render = section(&mut table, "render")
         .map_or(Some(Default::default()), |table| settings::read_render(table, unit));
-    let (mut media, media_names) = media::read_media(section(&mut table, "media"), unit);
-    let (textures, texture_names) = textures::read_textures(section(&mut table, "textures"), unit);
-    let material_tables = section(&mut table, "materials");
+    parts.add(&mut table, unit);
+    let (mut media, media_names) = media::read_media(&parts.media);
+    let (textures, texture_names) = textures::read_textures(&parts.textures);
     let (mut materials, looks, material_names) =
-        materials::read_materials(material_tables, &media_names, &mut media, &texture_names, unit);
-    let shape_tables = sections(&mut table, "shapes");
+        materials::read_materials(&parts.materials, &media_names, &mut media, &texture_names);
     let has_box = |medium: &Named<MediumDescription>| {
         medium.value.volume.as_ref().is_some_and(|volume| volume.fills == FillDescription::Bounds)
     };
-    if shape_tables.is_empty() && table.get("shapes").is_none() && !media.iter().any(has_box) {
+    if parts.shapes.is_empty() && table.get("shapes").is_none() && !media.iter().any(has_box) {
         context.error_of_file("the scene has no shapes", "add at least one `[[shapes]]` table");
     }
-    let shapes = shapes::read_shapes(shape_tables, (&material_names, &texture_names), unit);
+    let shapes = shapes::read_shapes(parts.shapes, (&material_names, &texture_names));
     if shapes.uses_implied_material {
         materials.push(materials::implied_material(context));
     }
-    let instances = shapes::read_instances(sections(&mut table, "instances"), &shapes.group_names, unit);
-    let (lights, light_photons) = lights::read_lights(sections(&mut table, "lights"), unit);
+    let instances = shapes::read_instances(parts.instances, &shapes.group_names);
+    let (lights, light_photons) = lights::read_lights(parts.lights);
     table.finish();
     texture_names.warn_unused(context, "is used by no material");
     shapes.group_names.warn_unused(context, "is placed by no `[[instances]]`, so it is not in the picture");
@@ -263,18 +335,6 @@ fn read_name(table: &mut Table<'_>, seen: &mut Names, kind: &str, index: usize) 
     let context = table.context();
     let Some(value) = table.get("name") else { return Some(format!("{kind} {}", index + 1)) };
     let name = value.string()?.into_owned();
-    declare(context, seen, &name, &value.span())?;
+    seen.declare(context, &name, &value.span())?;
     Some(name)
-}
-
-/// Adds a name, which must be new.
-fn declare(context: &Context<'_>, names: &mut Names, name: &str, span: &Range<usize>) -> Option<()> {
-    if let Some(first) = names.place_of(name) {
-        let place = context.location(first);
-        let message = format!("the name `{name}` is taken: first at {place}");
-        context.error(span, message, "give each its own name");
-        return None;
-    }
-    names.add(name, span.clone());
-    Some(())
 }

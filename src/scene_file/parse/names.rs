@@ -1,5 +1,6 @@
 //! Tables of names that one part of a file defines and others use.
 
+use crate::scene_file::description::Location;
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::reader::{Context, Value};
 use std::cell::Cell;
@@ -17,7 +18,7 @@ pub(super) struct Names {
 #[derive(Debug)]
 struct Entry {
     index: usize,
-    span: Range<usize>,
+    location: Location,
     used: Cell<bool>,
 }
 
@@ -31,14 +32,25 @@ impl Names {
     }
 
     /// Adds a name if it is new, and returns its number.
-    pub(super) fn add(&mut self, name: &str, span: Range<usize>) -> usize {
+    pub(super) fn add(&mut self, name: &str, location: Location) -> usize {
         let index = self.by_name.len();
-        self.by_name.entry(name.to_string()).or_insert(Entry { index, span, used: Cell::new(false) }).index
+        let entry = Entry { index, location, used: Cell::new(false) };
+        self.by_name.entry(name.to_string()).or_insert(entry).index
     }
 
-    /// Place of the definition of a name.
-    pub(super) fn place_of(&self, name: &str) -> Option<&Range<usize>> {
-        self.by_name.get(name).map(|entry| &entry.span)
+    /// Adds a name, which must be new.
+    pub(super) fn declare(
+        &mut self,
+        context: &Context<'_>,
+        name: &str,
+        span: &Range<usize>,
+    ) -> Option<usize> {
+        if let Some(first) = self.by_name.get(name) {
+            let message = format!("the name `{name}` is taken: first at {}", first.location);
+            context.error(span, message, "give each its own name");
+            return None;
+        }
+        Some(self.add(name, context.location(span)))
     }
 
     /// The number of the object that `value` names; counts as a use of the name.
@@ -56,11 +68,11 @@ impl Names {
         None
     }
 
-    /// Warns about names that are never used.
+    /// Warns about names of the file itself that are never used; libraries have more than a scene needs.
     pub(super) fn warn_unused(&self, context: &Context<'_>, consequence: &str) {
         for (name, entry) in &self.by_name {
-            if !entry.used.get() {
-                context.warn(&entry.span, format!("the {} `{name}` {consequence}", self.kind));
+            if !entry.used.get() && **entry.location.file == *context.file() {
+                context.warn_at(entry.location.clone(), format!("the {} `{name}` {consequence}", self.kind));
             }
         }
     }

@@ -63,11 +63,7 @@ const KINDS: &[(&str, Kind)] = &[
     ("terrain", Kind::Terrain),
 ];
 
-pub(super) fn read_shapes(
-    tables: Vec<Table<'_>>,
-    (materials, textures): (&Names, &Names),
-    unit: f64,
-) -> Shapes {
+pub(super) fn read_shapes(tables: Vec<(Table<'_>, f64)>, (materials, textures): (&Names, &Names)) -> Shapes {
     let mut names = Names::new("shape");
     let mut result = Shapes {
         shapes: Vec::new(),
@@ -75,7 +71,7 @@ pub(super) fn read_shapes(
         group_names: Names::new("group"),
         uses_implied_material: false,
     };
-    for (index, mut table) in tables.into_iter().enumerate() {
+    for (index, (mut table, unit)) in tables.into_iter().enumerate() {
         let name = read_name(&mut table, &mut names, "shape", index);
         let location = table.location();
         let group = table.optional("group", |value| read_group(value, &mut result));
@@ -90,7 +86,7 @@ pub(super) fn read_shapes(
 /// Index of a group; the first shape in a group defines it.
 fn read_group(value: Value<'_>, result: &mut Shapes) -> Option<usize> {
     let name = value.string()?;
-    let index = result.group_names.add(&name, value.span());
+    let index = result.group_names.add(&name, value.context().location(&value.span()));
     if index == result.groups.len() {
         let location = value.context().location(&value.span());
         result.groups.push(Named { name: name.into_owned(), location, value: () });
@@ -105,7 +101,7 @@ fn read_shape(
 ) -> Option<ShapeDescription> {
     let kind = table.required("type", "\"sphere\"", |value| value.choice(KINDS))?;
     let geometry = match kind {
-        Kind::Mesh => read_mesh(&mut table),
+        Kind::Mesh => read_mesh(&mut table, materials),
         Kind::Quad => read_quad(&mut table),
         Kind::Sphere => read_sphere(&mut table),
         Kind::Cylinder => read_cylinder(&mut table),
@@ -302,7 +298,7 @@ fn read_disc(table: &mut Table<'_>) -> Option<GeometryDescription> {
     Some(GeometryDescription::Disc { center: center?, normal: normal?, radius: radius? })
 }
 
-fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
+fn read_mesh(table: &mut Table<'_>, materials: &Names) -> Option<GeometryDescription> {
     let kinds =
         [("file", MeshNormals::FromFile), ("flat", MeshNormals::Flat), ("smooth", MeshNormals::Smooth)];
     if table.get("file").is_some() {
@@ -311,10 +307,18 @@ fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
         let fit = table.optional("fit", read_fit);
         let own = [("one", false), ("file", true)];
         let own_materials = table.or("materials", false, |value| value.choice(&own));
+        let replaced = table.or("replace", Vec::new(), |value| read_replaced(value, materials));
+        if own_materials == Some(false) && replaced.as_ref().is_some_and(|replaced| !replaced.is_empty()) {
+            return table.refuse(
+                format!("{} has `replace`, and no materials of its file", table.title()),
+                "add `materials = \"file\"`",
+            );
+        }
         return Some(GeometryDescription::MeshFile {
             path: path?,
             normals: normals?,
             own_materials: own_materials?,
+            replaced: replaced?,
             fit: fit?,
         });
     }
@@ -331,6 +335,15 @@ fn read_mesh(table: &mut Table<'_>) -> Option<GeometryDescription> {
     let normals = table.or("normals", MeshNormals::Flat, |value| value.choice(&kinds[1..]));
     count?;
     Some(GeometryDescription::Mesh { positions: positions?, triangles: faces?, normals: normals? })
+}
+
+/// Reads `replace = { "Name in the file" = "NAME" }`.
+fn read_replaced(value: Value<'_>, materials: &Names) -> Option<Vec<(String, usize)>> {
+    let table = value.table("`replace`", "write for example `replace = { \"Glass\" = \"NAME\" }`")?;
+    let entries = table.sorted_entries().into_iter();
+    let found: Vec<_> =
+        entries.map(|(_, value)| Some((value.name().to_owned(), materials.find(value)?))).collect();
+    found.into_iter().collect()
 }
 
 /// Path of a mesh file, which must exist and be of a supported kind.
@@ -443,13 +456,12 @@ fn read_faces(value: Value<'_>, positions: Option<&[DVec3]>) -> Option<Vec<[u32;
 }
 
 pub(super) fn read_instances(
-    tables: Vec<Table<'_>>,
+    tables: Vec<(Table<'_>, f64)>,
     groups: &Names,
-    unit: f64,
 ) -> Vec<Named<InstanceDescription>> {
     let mut names = Names::new("instance");
     let mut instances = Vec::new();
-    for (index, mut table) in tables.into_iter().enumerate() {
+    for (index, (mut table, unit)) in tables.into_iter().enumerate() {
         let name = read_name(&mut table, &mut names, "instance", index);
         let location = table.location();
         let group = table.required("group", "\"NAME\"", |value| groups.find(value));

@@ -1,5 +1,6 @@
 //! `[textures.NAME]`, and the references to textures in materials.
 
+use super::entries;
 use super::names::Names;
 use super::transform::{in_metres, transform_of};
 use crate::math::Rgb;
@@ -32,12 +33,14 @@ const SHARPNESS: Expected =
 const FINEST: f64 = 1.0 / 32.0;
 
 /// Textures by name.
-pub(super) fn read_textures(table: Option<Table<'_>>, unit: f64) -> (Vec<Named<SolidTexture>>, Names) {
+pub(super) fn read_textures(tables: &[(Table<'_>, f64)]) -> (Vec<Named<SolidTexture>>, Names) {
     let mut names = Names::new("texture");
     let mut textures = Vec::new();
-    for (span, value) in table.as_ref().map(Table::sorted_entries).unwrap_or_default() {
+    for (span, value, unit) in entries(tables) {
         let name = value.name();
-        names.add(name, span.clone());
+        if names.declare(value.context(), name, &span).is_none() {
+            continue;
+        }
         let example = format!("write `[textures.{name}]` and below it `type = \"marble\"`");
         let texture = value
             .table(format!("[textures.{name}]"), &example)

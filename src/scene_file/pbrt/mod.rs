@@ -295,7 +295,8 @@ impl<'a> Importer<'a> {
                 | LightDescription::Sun { irradiance, .. } => *irradiance *= factor,
                 LightDescription::Environment { radiance } => *radiance *= factor,
                 LightDescription::EnvironmentMap { factor: own, .. }
-                | LightDescription::Sky { factor: own, .. } => *own *= factor,
+                | LightDescription::Sky { factor: own, .. }
+                | LightDescription::CieSky { factor: own, .. } => *own *= factor,
                 LightDescription::Profile { brightness, .. } => match brightness {
                     ProfileBrightness::PerCandela(own) | ProfileBrightness::Power(own) => *own *= factor,
                 },
