@@ -207,6 +207,11 @@ impl<'a> Value<'a> {
         matches!(self.value.get_ref(), DeValue::String(_))
     }
 
+    /// Whether it is this text.
+    pub(super) fn is_text(&self, text: &str) -> bool {
+        matches!(self.value.get_ref(), DeValue::String(own) if own.as_ref() == text)
+    }
+
     /// Records that the key does not accept the value.
     pub(super) fn refuse<T>(&self, expected: &str, remedy: impl Into<String>) -> Option<T> {
         let verb = if self.is_item { "contains" } else { "is" };

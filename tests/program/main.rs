@@ -13,6 +13,7 @@ mod error_figures;
 mod first_pictures;
 mod image_io;
 mod libraries;
+mod materials;
 mod mesh_looks;
 mod messages;
 mod mitsuba;

@@ -1,6 +1,6 @@
 //! Shapes whose file is glTF: each primitive becomes a separate shape, as if the scene file listed it.
 
-use super::{BuildError, BuildProblem, error_of};
+use super::{BuildError, BuildProblem, error_of, pictured};
 use crate::math::Bounds3;
 use crate::scene_file::description::{
     GeometryDescription, InstanceDescription, MaterialDescription, MeshNormals, Named, SceneDescription,
@@ -8,6 +8,7 @@ use crate::scene_file::description::{
 };
 use crate::scene_file::diagnostic::suggestion;
 use crate::scene_file::gltf::{gltf_model, is_gltf_file};
+use crate::scene_file::import::material::needs_of;
 use crate::scene_file::mesh::TriangleMesh;
 use glam::DAffine3;
 use std::sync::Arc;
@@ -114,7 +115,17 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
     }
     for part in &model.shapes {
         let GeometryDescription::Gltf { mesh, data } = &part.value.geometry else { continue };
-        let (mesh, data) = (with_normals(mesh, *normals), Arc::clone(data));
+        let mesh = with_normals(mesh, *normals);
+        // A material of the scene may need more than that of the file.
+        let own = match replacement(&part.value) {
+            _ if !own_materials => Some(shape.value.material),
+            other => other,
+        };
+        let needs = own.and_then(|material| taken.materials.get(material)).map(|it| needs_of(&it.value));
+        let data = match needs.filter(|needs| needs.any()) {
+            Some(needs) => pictured::of_gltf(taken, shape, needs, (&mesh, data)),
+            None => Arc::clone(data),
+        };
         let stays = part.value.group.is_some() && !is_grouped;
         let all = if stays { vec![DAffine3::IDENTITY] } else { placements(&model, &part.value) };
         for placement in all {

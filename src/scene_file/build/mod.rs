@@ -7,6 +7,7 @@ mod gltf_shapes;
 mod light;
 mod media;
 mod own_materials;
+mod pictured;
 mod place;
 mod textured;
 
@@ -14,6 +15,7 @@ use self::around::Ready;
 pub(super) use self::densities::NOISE_BYTES;
 use self::displace::Displaced;
 use self::light::LightSource;
+pub(super) use self::pictured::can_be_pictured;
 use self::place::{Placed, Source, place_mesh};
 use super::description::{
     CameraDescription, DensityDescription, EmissionDescription, FilmDescription, GeometryDescription,

@@ -1,6 +1,6 @@
 //! Meshes with materials of their own: the faces of each material become a separate shape.
 
-use super::{BuildError, BuildProblem, begin_reading, error_of, gltf_shapes};
+use super::{BuildError, BuildProblem, begin_reading, error_of, gltf_shapes, pictured};
 use crate::bsdf::{Bsdf, Form, LayeredParameters, Ward};
 use crate::image_io::{Image, ImageError, Layer};
 use crate::observer::Observer;
@@ -9,6 +9,8 @@ use crate::scene_file::description::{
     EmissionDescription, Emitted, GeometryDescription, MaterialDescription, MediumDescription, MeshNormals,
     Named, SceneDescription, SceneWarning, ShapeDescription,
 };
+use crate::scene_file::import::material::needs_of;
+use crate::scene_file::import::vertices::vertex_data;
 use crate::scene_file::mesh::{MeshReport, TriangleMesh};
 use crate::scene_file::obj::{
     MtlFinish, MtlMaterial, MtlPicture, NamedFile, ObjFile, ObjMesh, ObjPart, find_file, library_files,
@@ -31,7 +33,12 @@ pub(super) fn take_apart(
     description: &SceneDescription,
     observer: &dyn Observer,
 ) -> Result<Option<(SceneDescription, Vec<usize>)>, BuildError> {
-    if !description.shapes.iter().any(|shape| own_look(shape).is_some() || gltf_shapes::is_gltf(shape)) {
+    let is_pictured = |shape: &Named<ShapeDescription>| pictured::needs(description, &shape.value).is_some();
+    if !description
+        .shapes
+        .iter()
+        .any(|shape| own_look(shape).is_some() || gltf_shapes::is_gltf(shape) || is_pictured(shape))
+    {
         return Ok(None);
     }
     let mut taken = SceneDescription { shapes: Vec::new(), ..description.clone() };
@@ -64,7 +71,20 @@ pub(super) fn take_apart(
                 }
             }
             _ if gltf_shapes::is_gltf(shape) => gltf_shapes::add(&mut taken, shape)?,
-            _ => taken.shapes.push(shape.clone()),
+            _ => match pictured::needs(description, &shape.value) {
+                Some(needs) => {
+                    if let GeometryDescription::MeshFile { path, .. } = &shape.value.geometry {
+                        begin_reading(observer, path);
+                    }
+                    let progress = |done, _| {
+                        observer.advance(done);
+                        !observer.is_cancelled()
+                    };
+                    let reading = MeshReading { progress: &progress, ..MeshReading::ALL };
+                    pictured::add(&mut taken, shape, needs, &reading)?;
+                }
+                None => taken.shapes.push(shape.clone()),
+            },
         }
         origins.resize(taken.shapes.len(), number);
     }
@@ -236,7 +256,13 @@ fn ply_parts(
             let (has_picture, is_coloured) = (look.slot.is_some(), look.is_coloured);
             let value = layered(Vec3::ONE, Vec3::ZERO, 1.0, look);
             taken.materials.push(Named { name, location: shape.location.clone(), value });
-            Added { number: taken.materials.len() - 1, emission: None, has_picture, is_coloured }
+            Added {
+                number: taken.materials.len() - 1,
+                emission: None,
+                has_picture,
+                is_coloured,
+                is_own: true,
+            }
         });
         parts.push(Part { name: material, mesh, colours, look });
     }
@@ -335,6 +361,8 @@ struct Added {
     emission: Option<EmissionDescription>,
     has_picture: bool,
     is_coloured: bool,
+    /// Whether it is of the file, whose images have the origin at their lower left corner.
+    is_own: bool,
 }
 
 /// Adds each used material, and yields the numbers of the materials by name.
@@ -360,7 +388,7 @@ fn add_materials(
         if let Some(&(_, number)) = other {
             let has_picture = matches!(&taken.materials[number].value,
                 MaterialDescription::Layered { material, .. } if material.slots().next().is_some());
-            let added_one = Added { number, emission: None, has_picture, is_coloured: false };
+            let added_one = Added { number, emission: None, has_picture, is_coloured: false, is_own: false };
             added.insert(part.material.clone(), added_one);
             continue;
         }
@@ -373,7 +401,7 @@ fn add_materials(
                 let number = taken.materials.len();
                 added.insert(
                     part.material.clone(),
-                    Added { number, emission: None, has_picture: false, is_coloured: true },
+                    Added { number, emission: None, has_picture: false, is_coloured: true, is_own: true },
                 );
                 let name = part.material.clone().unwrap_or_else(|| "colours of the file".to_owned());
                 taken.materials.push(Named { name, location: shape.location.clone(), value });
@@ -404,7 +432,10 @@ fn add_materials(
             photons: 1.0,
         });
         let number = taken.materials.len();
-        added.insert(part.material.clone(), Added { number, emission, has_picture, is_coloured });
+        added.insert(
+            part.material.clone(),
+            Added { number, emission, has_picture, is_coloured, is_own: true },
+        );
         taken.materials.push(Named { name: name.clone(), location: shape.location.clone(), value });
     }
     if let Some(first) = missing.first() {
@@ -650,15 +681,22 @@ fn push_part(
     let loaded = if uvs.is_none() && colours.is_none() {
         GeometryDescription::Loaded { mesh: Arc::new(mesh), normals, before }
     } else {
-        let data = VertexData {
-            uvs: [uvs.unwrap_or_default(), Vec::new()],
-            colours: colours.into_iter().flatten().map(|colour| colour.extend(1.0)).collect(),
-            ..VertexData::default()
+        let mesh = gltf_shapes::with_normals(&Arc::new(mesh), normals);
+        let is_own = look.as_ref().is_none_or(|look| look.is_own);
+        let data = if is_own {
+            VertexData {
+                uvs: [uvs.unwrap_or_default(), Vec::new()],
+                colours: colours.into_iter().flatten().map(|colour| colour.extend(1.0)).collect(),
+                ..VertexData::default()
+            }
+        } else {
+            let material = look.as_ref().map_or(shape.value.material, |look| look.number);
+            let needs = needs_of(&taken.materials[material].value);
+            let is_mirrored = (shape.value.transform * before).matrix3.determinant() < 0.0;
+            let uvs = pictured::upright(uvs.unwrap_or_default());
+            vertex_data(&mesh, uvs, Vec::new(), needs, is_mirrored)
         };
-        GeometryDescription::Gltf {
-            mesh: gltf_shapes::with_normals(&Arc::new(mesh), normals),
-            data: Arc::new(data),
-        }
+        GeometryDescription::Gltf { mesh, data: Arc::new(data) }
     };
     let transform = match &loaded {
         GeometryDescription::Gltf { .. } => shape.value.transform * before,

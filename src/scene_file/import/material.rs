@@ -232,7 +232,7 @@ impl Building<'_> {
 }
 
 /// The colours of one picture with the alpha of another that has the same mapping, in the larger of the two sizes.
-fn combined(colours: &TextureSlot, mask: &TextureSlot) -> Option<TextureSlot> {
+pub(crate) fn combined(colours: &TextureSlot, mask: &TextureSlot) -> Option<TextureSlot> {
     /// Pictures with more texels are not combined.
     const MOST: u64 = 1 << 26;
     let is_same = colours.transform == mask.transform && colours.sampler.wrap == mask.sampler.wrap;
@@ -252,7 +252,8 @@ fn combined(colours: &TextureSlot, mask: &TextureSlot) -> Option<TextureSlot> {
     Some(TextureSlot { texture, ..colours.clone() })
 }
 
-fn needs_of(material: &MaterialDescription) -> Needs {
+/// The vertex data that a material requires.
+pub(crate) fn needs_of(material: &MaterialDescription) -> Needs {
     let MaterialDescription::Layered { material, .. } = material else { return Needs::default() };
     let is_stretched = material.anisotropy[0] > 0.0;
     Needs {

@@ -1,9 +1,13 @@
 //! Materials of type `schlick`, `ward` and `conductor`.
 
+use super::images::Images;
+use super::layered::{self, Finish};
+use super::materials::one_sided;
 use crate::bsdf::{Bsdf, Conductor, Form, METALS, Metal, Schlick, Ward};
 use crate::math::Rgb;
 use crate::scene::Tangent;
 use crate::scene_file::description::MaterialDescription;
+use crate::scene_file::import::paint::{Amount, Paint, Use};
 use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, NUMBER, Table, Value};
 use toml::de::DeValue;
 
@@ -117,26 +121,61 @@ pub(super) fn read_ward(table: &mut Table<'_>) -> Option<MaterialDescription> {
     finish(table, model)
 }
 
-pub(super) fn read_conductor(table: &mut Table<'_>) -> Option<MaterialDescription> {
-    let metal = read_metal(table);
+pub(super) fn read_conductor(table: &mut Table<'_>, images: &Images) -> Option<MaterialDescription> {
+    let metal = read_metal(table, images);
+    let look = Finish::read(table, images);
+    let varying = table.peek("roughness").filter(|value| value.is_table());
+    if let Some(value) = varying {
+        table.get("roughness");
+        let slope = images.amount(value, &ROUGHNESS, Use::Slope);
+        return layered_metal(table, metal, slope.map(|slope| [slope.clone(), slope]), look);
+    }
     let roughness = table.or("roughness", [0.0; 2], |value| read_roughness(value, &ROUGHNESS));
-    let model =
-        metal.zip(roughness).map(|(metal, roughness)| Bsdf::Conductor(Conductor::new(metal, roughness)));
-    finish(table, model)
+    match (metal, look) {
+        (Some((Some(metal), None)), Some(look)) if look.is_plain() => {
+            let model = roughness.map(|roughness| Bsdf::Conductor(Conductor::new(metal, roughness)));
+            finish(table, model)
+        }
+        (metal, look) => {
+            let slopes = roughness.map(|slopes| slopes.map(|slope| Amount::Plain(slope.into())));
+            layered_metal(table, metal, slopes, look)
+        }
+    }
+}
+
+/// A metal, or its colour where that is an image.
+type MetalLook = (Option<Metal>, Option<Paint>);
+
+/// A metal that an image, a normal map or an alpha makes vary.
+fn layered_metal(
+    table: &mut Table<'_>,
+    metal: Option<MetalLook>,
+    slopes: Option<[Amount; 2]>,
+    look: Option<Finish>,
+) -> Option<MaterialDescription> {
+    let two_sided = table.or("two-sided", true, |value| value.boolean());
+    let (metal, slopes, look, two_sided) = (metal?, slopes?, look?, two_sided?);
+    if !two_sided {
+        return one_sided(table);
+    }
+    layered::metal(table, metal, slopes, look)
 }
 
 /// `metal = "gold"`, `eta` and `k`, or `colour`.
-fn read_metal(table: &mut Table<'_>) -> Option<Metal> {
+fn read_metal(table: &mut Table<'_>, images: &Images) -> Option<MetalLook> {
     let name = table.get("metal");
     let (eta, k) = (table.get("eta"), table.get("k"));
     let colour = table.get("colour");
     match (name, eta, k, colour) {
-        (Some(name), None, None, None) => name.choice(METALS),
+        (Some(name), None, None, None) => name.choice(METALS).map(|metal| (Some(metal), None)),
         (None, Some(eta), Some(k), None) => {
-            let (eta, k) = (eta.colour(&ETA), k.colour(&NON_NEGATIVE));
-            Some(Metal::Index { eta: eta?.as_vec3(), k: k?.as_vec3() })
+            let (eta, k) = (eta.numbers(&ETA), k.numbers(&NON_NEGATIVE));
+            Some((Some(Metal::Index { eta: eta?.as_vec3(), k: k?.as_vec3() }), None))
         }
-        (None, None, None, Some(colour)) => read_reflectance(colour).map(Metal::Colour),
+        (None, None, None, Some(colour)) => images.paint(colour).map(|paint| match paint {
+            Paint::Plain(colour) => (Some(Metal::Colour(colour.as_vec3())), None),
+            varying => (None, Some(varying)),
+        }),
         _ => table.refuse(
             format!("{} must say what metal it is in one way", table.title()),
             "write `metal = \"gold\"`, or `eta` and `k`, or `colour` alone",

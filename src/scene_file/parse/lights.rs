@@ -120,7 +120,7 @@ pub(super) fn read_direction(value: Value<'_>) -> Option<DVec3> {
 }
 
 /// Path of an existing file.
-fn read_file(value: Value<'_>) -> Option<PathBuf> {
+pub(super) fn read_file(value: Value<'_>) -> Option<PathBuf> {
     let path = value.path()?;
     if !path.is_file() {
         let message = match open_regular(&path) {

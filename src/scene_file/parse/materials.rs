@@ -2,12 +2,15 @@
 
 use super::entries;
 use super::glossy::{ROUGHNESS, read_conductor, read_reflectance, read_schlick, read_ward};
+use super::images::Images;
 use super::index::{Index, read_index};
+use super::layered::{Finish, diffuse, interface, read_plastic, read_principled, read_thin_glass};
 use super::names::Names;
 use super::textures::read_look;
 use crate::bsdf::Bsdf;
 use crate::math::Rgb;
 use crate::scene_file::description::*;
+use crate::scene_file::import::paint::{Amount, Paint, Use};
 use crate::scene_file::reader::{Context, NON_NEGATIVE, Table};
 use glam::DVec3;
 
@@ -22,6 +25,9 @@ enum Kind {
     Schlick,
     Ward,
     Conductor,
+    Plastic,
+    Principled,
+    ThinGlass,
 }
 
 /// Absorption coefficient, converted from the file's unit to 1/m.
@@ -35,7 +41,7 @@ pub(super) fn read_materials(
     tables: &[(Table<'_>, f64)],
     media_names: &Names,
     media: &mut Vec<Named<MediumDescription>>,
-    textures: &Names,
+    (textures, images): (&Names, &Images),
 ) -> (Vec<Named<MaterialDescription>>, Vec<MaterialLook>, Names) {
     let mut names = Names::new("material");
     let mut materials = Vec::new();
@@ -49,8 +55,8 @@ pub(super) fn read_materials(
         let context = value.context();
         let location = context.location(&span);
         let material = value.table(format!("[materials.{name}]"), &example).and_then(|mut table| {
-            looks.push(read_look(&mut table, textures, unit));
-            read_material(table, name, &location, media_names, media, unit)
+            looks.push(read_look(&mut table, (textures, images), unit));
+            read_material(table, (name, &location), (media_names, media), images, unit)
         });
         let value = material.unwrap_or(BLACK);
         // An entry that is not a table is refused, but the list of looks stays aligned with the materials.
@@ -58,10 +64,12 @@ pub(super) fn read_materials(
         let kind = match value {
             MaterialDescription::Dielectric { .. } => Some("a dielectric"),
             MaterialDescription::Glossy { bsdf: Bsdf::Conductor(_), .. } => Some("a metal"),
+            MaterialDescription::Layered { .. } => Some("of layers"),
             _ => None,
         };
         if let Some(kind) = kind.filter(|_| looks[materials.len()].colour.is_some()) {
-            let message = format!("[materials.{name}] is {kind}, which has no reflectance to vary");
+            let message =
+                format!("[materials.{name}] is {kind}, which has no reflectance that a solid texture varies");
             context.error(&span, message, "leave `texture` out; `bump` may stay");
         }
         materials.push(Named { name: name.to_string(), location, value });
@@ -79,10 +87,9 @@ pub(super) fn implied_material(context: &Context<'_>) -> Named<MaterialDescripti
 
 fn read_material(
     mut table: Table<'_>,
-    name: &str,
-    location: &Location,
-    media_names: &Names,
-    media: &mut Vec<Named<MediumDescription>>,
+    (name, location): (&str, &Location),
+    (media_names, media): (&Names, &mut Vec<Named<MediumDescription>>),
+    images: &Images,
     unit: f64,
 ) -> Option<MaterialDescription> {
     let kinds = [
@@ -92,14 +99,23 @@ fn read_material(
         ("schlick", Kind::Schlick),
         ("ward", Kind::Ward),
         ("conductor", Kind::Conductor),
+        ("plastic", Kind::Plastic),
+        ("principled", Kind::Principled),
+        ("thin-glass", Kind::ThinGlass),
     ];
     let material = match table.required("type", "\"lambert\"", |value| value.choice(&kinds))? {
         Kind::Lambert => {
-            let reflectance = table.required("reflectance", "[0.8, 0.8, 0.8]", read_reflectance);
+            let reflectance = table.required("reflectance", "[0.8, 0.8, 0.8]", |value| images.paint(value));
             let two_sided = table.or("two-sided", true, |value| value.boolean());
-            reflectance
-                .zip(two_sided)
-                .map(|(reflectance, two_sided)| MaterialDescription::Lambert { reflectance, two_sided })
+            let finish = Finish::read(&mut table, images);
+            match (reflectance, two_sided, finish) {
+                (Some(Paint::Plain(colour)), Some(two_sided), Some(finish)) if finish.is_plain() => {
+                    Some(MaterialDescription::Lambert { reflectance: colour.as_vec3(), two_sided })
+                }
+                (Some(_), Some(false), Some(_)) => one_sided(&table),
+                (Some(paint), Some(true), Some(finish)) => diffuse(&table, paint, finish),
+                _ => None,
+            }
         }
         Kind::Mirror => {
             let reflectance = table.or("reflectance", Rgb::ONE, read_reflectance);
@@ -111,8 +127,11 @@ fn read_material(
         Kind::Dielectric => {
             let inside = read_inside(&mut table, media_names, unit);
             let outside = table.or("outside", AIR, |value| media_names.find(value));
-            let roughness = table.or("roughness", 0.0, |value| value.number(&ROUGHNESS));
-            inside.zip(outside.zip(roughness)).map(|(inside, (outside, roughness))| {
+            let smooth = Amount::Plain(0.0);
+            let roughness =
+                table.or("roughness", smooth, |value| images.amount(value, &ROUGHNESS, Use::Slope));
+            let normal = Finish::read(&mut table, images).and_then(|finish| finish.only_normal(&table));
+            inside.zip(outside.zip(roughness.zip(normal))).map(|(inside, (outside, (roughness, normal)))| {
                 let inside = match inside {
                     Inside::Named(index) => index,
                     Inside::Anonymous(Index { ior, dispersion }, absorption) => {
@@ -123,15 +142,31 @@ fn read_material(
                         media.len() - 1
                     }
                 };
-                MaterialDescription::Dielectric { inside, outside, roughness }
+                match (roughness, normal) {
+                    (Amount::Plain(roughness), None) => {
+                        MaterialDescription::Dielectric { inside, outside, roughness }
+                    }
+                    (roughness, normal) => interface(media, [inside, outside], roughness, normal),
+                }
             })
         }
         Kind::Schlick => read_schlick(&mut table),
         Kind::Ward => read_ward(&mut table),
-        Kind::Conductor => read_conductor(&mut table),
+        Kind::Conductor => read_conductor(&mut table, images),
+        Kind::Plastic => read_plastic(&mut table, images),
+        Kind::Principled => read_principled(&mut table, images),
+        Kind::ThinGlass => read_thin_glass(&mut table, images),
     };
     table.finish();
     material
+}
+
+/// Refuses a layered material whose back is to be black.
+pub(super) fn one_sided(table: &Table<'_>) -> Option<MaterialDescription> {
+    table.refuse(
+        format!("{} has an image, a normal map or an alpha, and is to be black from behind", table.title()),
+        "leave `two-sided` out",
+    )
 }
 
 /// The medium behind a dielectric surface.

@@ -4,8 +4,10 @@ mod brightness;
 mod density;
 mod generate;
 mod glossy;
+mod images;
 mod include;
 mod index;
+mod layered;
 mod lights;
 mod materials;
 mod media;
@@ -22,6 +24,7 @@ mod view;
 
 use super::description::*;
 use super::diagnostic::{SceneFileError, SourceText};
+use super::import::material::{Needs, needs_of};
 use super::parameters::Parameters;
 use super::reader::{Context, Findings, POSITIVE, Table, Value};
 use crate::files::{foreign_by_content, foreign_file, open_regular, read_regular, text_of};
@@ -243,16 +246,17 @@ fn read_scene<'a>(
         .map_or(Some(Default::default()), |table| settings::read_render(table, unit));
     parts.add(&mut table, unit);
     let (mut media, media_names) = media::read_media(&parts.media);
-    let (textures, texture_names) = textures::read_textures(&parts.textures);
+    let (textures, texture_names, images) = textures::read_textures(&parts.textures);
     let (mut materials, looks, material_names) =
-        materials::read_materials(&parts.materials, &media_names, &mut media, &texture_names);
+        materials::read_materials(&parts.materials, &media_names, &mut media, (&texture_names, &images));
     let has_box = |medium: &Named<MediumDescription>| {
         medium.value.volume.as_ref().is_some_and(|volume| volume.fills == FillDescription::Bounds)
     };
     if parts.shapes.is_empty() && table.get("shapes").is_none() && !media.iter().any(has_box) {
         context.error_of_file("the scene has no shapes", "add at least one `[[shapes]]` table");
     }
-    let shapes = shapes::read_shapes(parts.shapes, (&material_names, &texture_names));
+    let needs: Vec<Needs> = materials.iter().map(|material| needs_of(&material.value)).collect();
+    let shapes = shapes::read_shapes(parts.shapes, (&material_names, &needs, &texture_names));
     if shapes.uses_implied_material {
         materials.push(materials::implied_material(context));
     }
@@ -260,6 +264,7 @@ fn read_scene<'a>(
     let (lights, light_photons) = lights::read_lights(parts.lights);
     table.finish();
     texture_names.warn_unused(context, "is used by no material");
+    images.warn_unused(context);
     shapes.group_names.warn_unused(context, "is placed by no `[[instances]]`, so it is not in the picture");
     Some(SceneDescription {
         name: name?,

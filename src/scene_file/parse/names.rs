@@ -31,6 +31,11 @@ impl Names {
         self.by_name.len()
     }
 
+    /// Whether there is this name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.by_name.contains_key(name)
+    }
+
     /// Adds a name if it is new, and returns its number.
     pub(super) fn add(&mut self, name: &str, location: Location) -> usize {
         let index = self.by_name.len();

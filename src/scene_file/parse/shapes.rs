@@ -8,7 +8,9 @@ use super::read_name;
 use super::transform::{in_metres, is_similarity, transform_of};
 use crate::files::{ForeignFile, foreign_file};
 use crate::scene::IlluminationKernel;
+use crate::scene_file::build::can_be_pictured;
 use crate::scene_file::description::*;
+use crate::scene_file::import::material::Needs;
 use crate::scene_file::mesh::is_degenerate;
 use crate::scene_file::polygon::triangulate_polygon;
 use crate::scene_file::reader::{NUMBER, POSITIVE, SHARE, Table, Value};
@@ -63,7 +65,10 @@ const KINDS: &[(&str, Kind)] = &[
     ("terrain", Kind::Terrain),
 ];
 
-pub(super) fn read_shapes(tables: Vec<(Table<'_>, f64)>, (materials, textures): (&Names, &Names)) -> Shapes {
+pub(super) fn read_shapes(
+    tables: Vec<(Table<'_>, f64)>,
+    (materials, needs, textures): (&Names, &[Needs], &Names),
+) -> Shapes {
     let mut names = Names::new("shape");
     let mut result = Shapes {
         shapes: Vec::new(),
@@ -75,7 +80,7 @@ pub(super) fn read_shapes(tables: Vec<(Table<'_>, f64)>, (materials, textures): 
         let name = read_name(&mut table, &mut names, "shape", index);
         let location = table.location();
         let group = table.optional("group", |value| read_group(value, &mut result));
-        let shape = read_shape(table, (materials, textures), unit);
+        let shape = read_shape(table, (materials, needs, textures), unit);
         let (Some(name), Some(group), Some(shape)) = (name, group, shape) else { continue };
         result.uses_implied_material |= shape.material == materials.len();
         result.shapes.push(Named { name, location, value: ShapeDescription { group, ..shape } });
@@ -96,7 +101,7 @@ fn read_group(value: Value<'_>, result: &mut Shapes) -> Option<usize> {
 
 fn read_shape(
     mut table: Table<'_>,
-    (materials, textures): (&Names, &Names),
+    (materials, needs, textures): (&Names, &[Needs], &Names),
     unit: f64,
 ) -> Option<ShapeDescription> {
     let kind = table.required("type", "\"sphere\"", |value| value.choice(KINDS))?;
@@ -148,6 +153,25 @@ fn read_shape(
         (None, Some(None)) => table.required("material", "\"NAME\"", |_| None),
         (None, _) => Some(materials.len()),
     };
+    let needs = material.and_then(|material| needs.get(material)).copied().unwrap_or_default();
+    if needs.any()
+        && let Some(geometry) = &geometry
+        && !can_be_pictured(geometry)
+    {
+        table.refuse::<()>(
+            format!(
+                "{} has no texture coordinates, and its material has an image, a normal map or an alpha",
+                table.title()
+            ),
+            "give it to a quad, sphere, disc, cylinder or box, or to a mesh that has coordinates",
+        );
+    }
+    if needs.any() && (matches!(displacement, Some(Some(_))) || matches!(illumination, Some(Some(_)))) {
+        table.refuse::<()>(
+            format!("{} has a displacement or an illumination map, and its material has an image, a normal map or an alpha", table.title()),
+            "leave one of them out",
+        );
+    }
     let samples = matches!(kind, Kind::Mesh | Kind::Quad | Kind::Sphere | Kind::Cylinder | Kind::Disc);
     if !samples && matches!(emission, Some(Some(_))) {
         table.refuse::<()>(

@@ -1,6 +1,7 @@
 //! `[textures.NAME]`, and the references to textures in materials.
 
 use super::entries;
+use super::images::Images;
 use super::names::Names;
 use super::transform::{in_metres, transform_of};
 use crate::math::Rgb;
@@ -33,11 +34,16 @@ const SHARPNESS: Expected =
 const FINEST: f64 = 1.0 / 32.0;
 
 /// Textures by name.
-pub(super) fn read_textures(tables: &[(Table<'_>, f64)]) -> (Vec<Named<SolidTexture>>, Names) {
+pub(super) fn read_textures(tables: &[(Table<'_>, f64)]) -> (Vec<Named<SolidTexture>>, Names, Images) {
     let mut names = Names::new("texture");
     let mut textures = Vec::new();
+    let mut images = Images::new();
     for (span, value, unit) in entries(tables) {
         let name = value.name();
+        if let Some(table) = as_image(value) {
+            images.add(value.context(), name, &span, table);
+            continue;
+        }
         if names.declare(value.context(), name, &span).is_none() {
             continue;
         }
@@ -54,7 +60,17 @@ pub(super) fn read_textures(tables: &[(Table<'_>, f64)]) -> (Vec<Named<SolidText
         let location = value.context().location(&span);
         textures.push(Named { name: name.to_string(), location, value: texture });
     }
-    (textures, names)
+    (textures, names, images)
+}
+
+/// The table of an image.
+fn as_image<'a>(value: Value<'a>) -> Option<Table<'a>> {
+    if !value.is_table() {
+        return None;
+    }
+    let table = value.table(format!("[textures.{}]", value.name()), "")?;
+    let is_image = table.peek("type").is_some_and(|kind| kind.is_text("image"));
+    is_image.then_some(table)
 }
 
 fn read_texture(mut table: Table<'_>, unit: f64) -> Option<SolidTexture> {
@@ -97,15 +113,31 @@ fn read_colour(value: Value<'_>) -> Option<Rgb> {
 }
 
 /// Reads `texture = "NAME"` and `bump = { texture = "NAME", height = 0.01 }` of a material.
-pub(super) fn read_look(table: &mut Table<'_>, textures: &Names, unit: f64) -> MaterialLook {
-    let colour = table.get("texture").and_then(|value| textures.find(value));
+pub(super) fn read_look(
+    table: &mut Table<'_>,
+    (textures, images): (&Names, &Images),
+    unit: f64,
+) -> MaterialLook {
+    let colour = table.get("texture").and_then(|value| find_solid(value, textures, images));
     let bump = table.get("bump").and_then(|value| {
         let mut table =
             value.table("`bump`", "write for example `bump = { texture = \"NAME\", height = 0.01 }`")?;
-        let texture = table.required("texture", "\"NAME\"", |value| textures.find(value));
+        let texture = table.required("texture", "\"NAME\"", |value| find_solid(value, textures, images));
         let height = table.required("height", "0.01", |value| value.number(&POSITIVE));
         table.finish();
         Some((texture?, height? * unit))
     });
     MaterialLook { colour, bump }
+}
+
+/// The number of the solid texture that a value names.
+fn find_solid(value: Value<'_>, textures: &Names, images: &Images) -> Option<usize> {
+    let name = value.string()?;
+    if images.has(&name) {
+        return value.refuse(
+            "a solid texture, and this is an image",
+            "an image takes the place of a colour, as in `reflectance = { texture = \"NAME\" }`; bumps by an image are a `normal-map`",
+        );
+    }
+    textures.find(value)
 }
