@@ -1,15 +1,16 @@
 //! `cardioid info`: the contents of a scene and the plan for rendering it.
 
+use super::contents::Contents;
 use super::media_info::{DescribedMedium, describe_media};
 use super::outputs::{Named, Outputs};
 use super::picture::{SceneArgs, describe_camera, load};
 use super::settings::SettingsArgs;
 use anyhow::{Result, bail};
 use cardioid::image_io::{self, PngPixels};
-use cardioid::lights::Light;
 use cardioid::photons::projection_picture;
 use cardioid::render::{Settings, Silent};
 use cardioid::scene::{Material, RenderPlan, Scene};
+use cardioid::scene_file::SceneWarning;
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
@@ -45,8 +46,14 @@ struct DescribedMaterial {
 #[derive(Serialize)]
 struct Described<'a> {
     scene: &'a str,
+    camera: String,
     materials: Vec<DescribedMaterial>,
     media: Vec<DescribedMedium>,
+    #[serde(flatten)]
+    contents: Contents,
+    /// What was guessed or approximated as the file was read.
+    notes: Vec<String>,
+    warnings: Vec<String>,
     settings: &'a Settings,
     plan: &'a RenderPlan,
 }
@@ -69,6 +76,7 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         outputs.check_scene(&loaded.description)?;
         write_projection_maps(scene, &files)?;
     }
+    let contents = Contents::of(&loaded.description, scene);
     let mut out = String::new();
     if args.json {
         let described = |(name, material): &(String, Material)| DescribedMaterial {
@@ -77,7 +85,18 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
         };
         let materials = scene.materials().iter().map(described).collect();
         let media = describe_media(scene);
-        let value = Described { scene: scene.name(), materials, media, settings: &settings, plan: &plan };
+        let told = |warnings: &[SceneWarning]| warnings.iter().map(SceneWarning::to_string).collect();
+        let value = Described {
+            scene: scene.name(),
+            camera: describe_camera(&loaded.built.view),
+            materials,
+            media,
+            contents,
+            notes: told(&loaded.built.notes),
+            warnings: told(&loaded.built.warnings),
+            settings: &settings,
+            plan: &plan,
+        };
         super::print(&format!("{}\n", serde_json::to_string_pretty(&value)?))?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -87,27 +106,14 @@ pub(crate) fn run(args: &InfoArgs) -> Result<ExitCode> {
     let radius = scene.space().metres(f64::from(scene.bounds().1));
     writeln!(out, "  extent     radius {radius:.4} m around {:.4} m", scene.space().center)?;
     writeln!(out, "  geometry   {}", plan.geometry.join(", "))?;
-    let flux_unit = 1.0 / (scene.space().power * scene.space().scale * scene.space().scale);
-    for (number, light) in scene.lights().iter().enumerate() {
-        let kind = match light {
-            Light::Area(area) => format!("area light, {}", area.shape()),
-            Light::Point(_) => "point light".to_owned(),
-            Light::Spot(spot) if spot.is_profile() => "measured light".to_owned(),
-            Light::Spot(_) => "spot light".to_owned(),
-            Light::Directional(_) => "parallel light".to_owned(),
-            Light::Sun(_) => "sun".to_owned(),
-            Light::Environment(_) => "environment".to_owned(),
-        };
-        let name = &scene.light_note(number).name;
-        let flux = light.flux(scene.bounds().1) * flux_unit;
-        writeln!(out, "  light      {name}: {kind}, {:.4} {:.4} {:.4} W", flux.x, flux.y, flux.z)?;
-    }
+    contents.write_lights(&mut out)?;
     for (name, material) in scene.materials() {
         writeln!(out, "  material   {name}: {}", material.describe(scene.media()))?;
     }
     for medium in describe_media(scene) {
         writeln!(out, "  medium     {}", medium.in_words())?;
     }
+    contents.write_rest(&mut out)?;
     write_contacts(&mut out, scene)?;
     writeln!(out, "  Embree     {}", loaded.device.version())?;
     writeln!(out, "plan")?;

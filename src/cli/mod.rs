@@ -15,6 +15,7 @@ mod bench_bvh;
 mod bench_caustic;
 mod bricks;
 mod compare;
+mod contents;
 mod hints;
 mod info;
 mod meaning;

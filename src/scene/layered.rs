@@ -175,20 +175,25 @@ fn slopes(roughness: f32, strength: f32) -> [f32; 2] {
 impl LayeredMaterial {
     /// All textures that the material has.
     pub fn slots(&self) -> impl Iterator<Item = &TextureSlot> {
+        self.named_slots().map(|(_, slot)| slot)
+    }
+
+    /// The same with the names of the parameters that they give.
+    pub fn named_slots(&self) -> impl Iterator<Item = (&'static str, &TextureSlot)> {
         let slots = [
-            &self.base,
-            &self.metallic_roughness,
-            &self.normal,
-            &self.transmission,
-            &self.specular,
-            &self.specular_colour,
-            &self.anisotropy_map,
-            &self.coat,
-            &self.coat_roughness_map,
-            &self.coat_normal,
-            &self.emission,
+            ("colour", &self.base),
+            ("metallic and roughness", &self.metallic_roughness),
+            ("normal", &self.normal),
+            ("transmission", &self.transmission),
+            ("specular", &self.specular),
+            ("specular colour", &self.specular_colour),
+            ("anisotropy", &self.anisotropy_map),
+            ("coat", &self.coat),
+            ("roughness of the coat", &self.coat_roughness_map),
+            ("normal of the coat", &self.coat_normal),
+            ("emission", &self.emission),
         ];
-        slots.into_iter().flatten()
+        slots.into_iter().filter_map(|(name, slot)| Some((name, slot.as_ref()?)))
     }
 
     /// Whether the material is the same everywhere, so that no texture or vertex data is looked up at hits.

@@ -226,6 +226,11 @@ impl Scene {
         &self.parts.embree
     }
 
+    /// Textures of the materials, in the order of [`Self::materials`].
+    pub fn textures(&self) -> &[MaterialTexture] {
+        &self.parts.textures
+    }
+
     /// The surface or instance behind each geometry number.
     pub fn nodes(&self) -> &[Node] {
         &self.parts.nodes

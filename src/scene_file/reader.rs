@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
-use toml::value::Datetime;
+use toml_datetime::Datetime;
 
 /// Most errors of a file that are kept; the rest are only counted. A text may have millions.
 const KEPT: usize = 100;

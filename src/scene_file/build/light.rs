@@ -2,8 +2,8 @@
 
 use super::BuildProblem;
 use crate::lights::{
-    Cone, DirectionalLight, EnvironmentLight, EnvironmentMap, Light, PointLight, Profile, SUN_ANGULAR_RADIUS,
-    Sky, SpotLight, SunLight,
+    CieSky, Cone, DirectionalLight, EnvironmentLight, EnvironmentMap, Light, PointLight, Profile,
+    SUN_ANGULAR_RADIUS, Sky, SpotLight, SunLight,
 };
 use crate::math::{Rgb, unit_f64};
 use crate::scene::RenderSpace;

@@ -131,8 +131,9 @@ pub fn parse_scene(
         .iter()
         .map(|Included { file, text }| {
             let folder = file.parent().unwrap_or(Path::new("")).to_path_buf();
-            let parameters = Rc::clone(&context.parameters);
-            Context { parameters, ..Context::new(SourceText::new(text, file), folder) }
+            let mut included = Context::new(SourceText::new(text, file), folder);
+            included.parameters = Rc::clone(&context.parameters);
+            included
         })
         .collect();
     for (context, (_, syntax_errors)) in contexts.iter().zip(&parsed) {

@@ -7,7 +7,7 @@ use crate::scene_file::description::*;
 use crate::scene_file::reader::{Expected, FRACTION, NON_NEGATIVE, NUMBER, Table, Value};
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
-use toml::value::{Datetime, Offset};
+use toml_datetime::{Datetime, Offset};
 
 const ELEVATION: Expected =
     Expected { what: "an angle from 0 to 90 degrees", example: "35.0", holds: |x| (0.0..=90.0).contains(&x) };
