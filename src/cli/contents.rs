@@ -102,7 +102,7 @@ impl Contents {
         let groups = self
             .groups
             .iter()
-            .map(|group| format!("{}: {} shapes, {} instances", group.name, group.shapes, group.instances));
+            .map(|group| format!("{}: {} shape(s), {} instance(s)", group.name, group.shapes, group.instances));
         write_list(out, "group", groups)?;
         let surfaces = self
             .surfaces

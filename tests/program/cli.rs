@@ -238,6 +238,48 @@ fn messages_say_what_is_wrong_once() {
     assert!(stdout(&output).contains("\"caustic-reuse\": 0.2,"), "{}", stdout(&output));
 }
 
+/// Lights with their power, textures, groups and surfaces, by name; and in JSON what was approximated.
+#[test]
+fn info_lists_what_a_scene_holds() {
+    let folder = folder();
+    let wood = [200u8; 48];
+    cardioid::image_io::write_png(
+        folder.path().join("wood.png"),
+        4,
+        4,
+        cardioid::image_io::PngPixels::Rgb8(&wood),
+    )
+    .unwrap();
+    let text = "[textures.wood]\ntype = \"image\"\nfile = \"wood.png\"\n[materials.oak]\ntype = \"lambert\"\n\
+                reflectance = { texture = \"wood\" }\n[[shapes]]\nname = \"table\"\ntype = \"quad\"\ncorner = [0, 0, 0]\n\
+                edge-u = [1, 0, 0]\nedge-v = [0, 0, -1]\nmaterial = \"oak\"\n[[shapes]]\nname = \"bulb\"\ntype = \"sphere\"\n\
+                radius = 0.1\nemission = { lumens = 800 }\ngroup = \"lamp\"\n[[instances]]\ngroup = \"lamp\"\n\
+                [[instances]]\ngroup = \"lamp\"\ntransform = [{ translate = [1, 1, 0] }]\n";
+    fs::write(folder.path().join("table.toml"), text).unwrap();
+    let told = stdout(&run(&folder, &["info", "table.toml"]));
+    for part in [
+        "area light, sphere, 1.1713 1.1713 1.1713 W, 800 lm\n",
+        "  texture    colour of oak: 4 x 4 pixels, ",
+        "  group      lamp: 1 shape(s), 2 instance(s)\n",
+        "  surface    0 table",
+    ] {
+        assert!(told.contains(part), "no `{part}` in {told}");
+    }
+    let told = stdout(&run(&folder, &["info", "table.toml", "--json"]));
+    let value: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert_eq!(value["lights"].as_array().unwrap().len(), 2, "{told}");
+    assert!((value["lights"][0]["lumens"].as_f64().unwrap() - 800.0).abs() < 0.1, "{told}");
+    assert_eq!(value["textures"][0]["slot"], "colour");
+    assert_eq!(value["groups"][0]["instances"], 2);
+    assert_eq!(value["surfaces"][0]["materials"][0], "oak");
+    let xml = "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><emitter type=\"constant\"/>\
+               <shape type=\"sphere\"><bsdf type=\"roughplastic\"/></shape></scene>";
+    fs::write(folder.path().join("a.xml"), xml).unwrap();
+    let told = stdout(&run(&folder, &["info", "a.xml", "--json"]));
+    let value: serde_json::Value = serde_json::from_str(&told).unwrap();
+    assert!(!value["notes"].as_array().unwrap().is_empty(), "{told}");
+}
+
 /// What a medium is: its density, its mean free path in metres, its optical depth through the middle of its body, and what it takes.
 #[test]
 fn info_tells_of_media() {

@@ -9,7 +9,7 @@ use crate::scene_file::description::{
     EmissionDescription, Emitted, GeometryDescription, MaterialDescription, MediumDescription, MeshNormals,
     Named, SceneDescription, SceneWarning, ShapeDescription,
 };
-use crate::scene_file::import::material::needs_of;
+use crate::scene_file::import::material::{Needs, needs_of};
 use crate::scene_file::import::vertices::vertex_data;
 use crate::scene_file::mesh::{MeshReport, TriangleMesh};
 use crate::scene_file::obj::{
@@ -140,9 +140,13 @@ fn obj_parts(
 ) -> Result<Vec<Part>, BuildProblem> {
     let mut messages = Vec::new();
     let mut found = HashMap::new();
+    let is_pictured = scene_materials(shape).any(|material| needs_of(&taken.materials[material].value).any());
     let obj = read_obj_with(path, reading, |libraries| {
         found = materials_of(libraries, path, &mut messages);
-        found.values().any(|Found { material, .. }| material.picture.is_some() || material.cutout.is_some())
+        is_pictured
+            || found
+                .values()
+                .any(|Found { material, .. }| material.picture.is_some() || material.cutout.is_some())
     })?;
     no_cloud(shape, path, &obj.report)?;
     messages.extend(obj.report.findings());
@@ -155,6 +159,15 @@ fn obj_parts(
         colours,
     };
     Ok(obj.into_meshes().into_iter().map(part).collect())
+}
+
+/// The materials of the scene, not of its file, that a mesh may have.
+fn scene_materials(shape: &Named<ShapeDescription>) -> impl Iterator<Item = usize> + '_ {
+    let replaced: &[(String, usize)] = match &shape.value.geometry {
+        GeometryDescription::MeshFile { replaced, .. } => replaced,
+        _ => &[],
+    };
+    replaced.iter().map(|(_, material)| *material).chain([shape.value.material])
 }
 
 /// Refuses a file without faces, which has no extent to fit.
@@ -676,13 +689,20 @@ fn push_part(
     if mesh.triangles.is_empty() {
         return;
     }
-    let uvs = mesh.uvs.take().filter(|_| look.as_ref().is_some_and(|look| look.has_picture));
+    // Faces without a look of their own have that of the scene.
+    let is_own = look.as_ref().is_some_and(|look| look.is_own);
+    let material = look.as_ref().map_or(shape.value.material, |look| look.number);
+    let needs = if is_own { Needs::default() } else { needs_of(&taken.materials[material].value) };
+    let has_picture = look.as_ref().is_some_and(|look| look.has_picture) || needs.coordinates;
+    let uvs = mesh.uvs.take().filter(|_| has_picture);
+    if needs.coordinates && uvs.is_none() {
+        taken.warnings.push(pictured::without_coordinates(shape));
+    }
     let colours = colours.filter(|_| look.as_ref().is_some_and(|look| look.is_coloured));
-    let loaded = if uvs.is_none() && colours.is_none() {
+    let loaded = if uvs.is_none() && colours.is_none() && !needs.any() {
         GeometryDescription::Loaded { mesh: Arc::new(mesh), normals, before }
     } else {
         let mesh = gltf_shapes::with_normals(&Arc::new(mesh), normals);
-        let is_own = look.as_ref().is_none_or(|look| look.is_own);
         let data = if is_own {
             VertexData {
                 uvs: [uvs.unwrap_or_default(), Vec::new()],
@@ -690,8 +710,6 @@ fn push_part(
                 ..VertexData::default()
             }
         } else {
-            let material = look.as_ref().map_or(shape.value.material, |look| look.number);
-            let needs = needs_of(&taken.materials[material].value);
             let is_mirrored = (shape.value.transform * before).matrix3.determinant() < 0.0;
             let uvs = pictured::upright(uvs.unwrap_or_default());
             vertex_data(&mesh, uvs, Vec::new(), needs, is_mirrored)
@@ -711,7 +729,7 @@ fn push_part(
         value: ShapeDescription {
             geometry: loaded,
             transform,
-            material: look.as_ref().map_or(shape.value.material, |look| look.number),
+            material,
             emission: shape.value.emission.or_else(|| look.and_then(|look| look.emission)),
             ..shape.value.clone()
         },

@@ -123,7 +123,7 @@ pub(super) fn of_gltf(
     Arc::clone(data)
 }
 
-fn without_coordinates(shape: &Named<ShapeDescription>) -> SceneWarning {
+pub(super) fn without_coordinates(shape: &Named<ShapeDescription>) -> SceneWarning {
     SceneWarning {
         location: shape.location.clone(),
         message: format!(

@@ -153,6 +153,14 @@ fn read_shape(
         (None, Some(None)) => table.required("material", "\"NAME\"", |_| None),
         (None, _) => Some(materials.len()),
     };
+    if let Some(GeometryDescription::Csg { materials: parts, .. }) = &geometry
+        && parts.iter().flatten().any(|&part| needs.get(part).is_some_and(|needs| needs.any()))
+    {
+        table.refuse::<()>(
+            format!("an operand of {} has a material with an image, a normal map or an alpha", table.title()),
+            "operands have no texture coordinates: give it another material",
+        );
+    }
     let needs = material.and_then(|material| needs.get(material)).copied().unwrap_or_default();
     if needs.any()
         && let Some(geometry) = &geometry
