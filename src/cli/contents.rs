@@ -99,10 +99,9 @@ impl Contents {
             None => format!("{} of {}: solid", texture.slot, texture.material),
         });
         write_list(out, "texture", textures)?;
-        let groups = self
-            .groups
-            .iter()
-            .map(|group| format!("{}: {} shape(s), {} instance(s)", group.name, group.shapes, group.instances));
+        let groups = self.groups.iter().map(|group| {
+            format!("{}: {} shape(s), {} instance(s)", group.name, group.shapes, group.instances)
+        });
         write_list(out, "group", groups)?;
         let surfaces = self
             .surfaces

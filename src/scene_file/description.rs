@@ -15,7 +15,7 @@ use crate::settings::Overrides;
 use crate::shapes::{Csg, TerrainNoise};
 use crate::spectra::Dispersion;
 use crate::textures::{Octaves, SolidTexture, VertexData};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3, Vec2};
 use std::fmt;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -448,6 +448,8 @@ pub enum GeometryDescription {
         triangles: Vec<[u32; 3]>,
         /// Shading normals.
         normals: MeshNormals,
+        /// Texture coordinates of the vertices, from the lower left corner of a picture.
+        uvs: Option<Vec<Vec2>>,
     },
     /// A mesh that is already in memory.
     Loaded {

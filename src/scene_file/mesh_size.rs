@@ -1,7 +1,11 @@
 //! Sizes of meshes, taken from the headers of their files: the memory of a scene must be known before it is read.
 
-use super::description::{GeometryDescription, MaterialDescription, MeshNormals, SceneDescription};
+use super::description::{
+    GeometryDescription, MaterialDescription, MeshNormals, SceneDescription, ShapeDescription,
+};
 use super::gltf::{declared_gltf_size, is_gltf_file};
+use super::import::material::needs_of;
+use super::import::tessellate;
 use super::ply::declared_size;
 use crate::files::open_regular;
 use crate::textures::ImageTexture;
@@ -53,7 +57,19 @@ pub fn mesh_sizes(scene: &SceneDescription) -> Vec<MeshSize> {
         }),
         _ => None,
     };
-    scene.shapes.iter().filter_map(|shape| size(&shape.value.geometry)).collect()
+    // Exact shapes become meshes where their material has images; the data of their vertices counts as much as the vertices.
+    let is_pictured: Vec<bool> =
+        scene.materials.iter().map(|material| needs_of(&material.value).any()).collect();
+    let pictured = |shape: &ShapeDescription| match shape.geometry {
+        GeometryDescription::Sphere { .. } | GeometryDescription::Disc { .. } => {
+            let is_one = is_pictured.get(shape.material).copied().unwrap_or_default();
+            let (vertices, triangles) = (2 * tessellate::MOST_VERTICES, 2 * tessellate::MOST_VERTICES);
+            is_one.then_some(MeshSize { vertices, triangles, has_normals: true, reading: 0 })
+        }
+        _ => None,
+    };
+    let shapes = scene.shapes.iter().map(|shape| &shape.value);
+    shapes.filter_map(|shape| size(&shape.geometry).or_else(|| pictured(shape))).collect()
 }
 
 /// Bytes of the textures that the scene's materials keep in memory.

@@ -126,6 +126,7 @@ fn images_are_upright_on_all_shapes() {
         "type = \"disc\"\nnormal = [0, 0, 1]\nradius = 1",
         "type = \"box\"\nmin = [-1, -1, -1]\nmax = [1, 1, 1]",
         "type = \"mesh\"\nfile = \"a.obj\"",
+        "type = \"mesh\"\nvertices = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]\nfaces = [[0, 1, 2, 3]]\ncoordinates = [[0, 0], [1, 0], [1, 1], [0, 1]]",
         "type = \"cylinder\"\nbase = [0, -1, 0]\ntop = [0, 1, 0]\nradius = 1",
     ] {
         // The meridians of a cylinder start anywhere around it.

@@ -67,9 +67,10 @@ pub(super) fn add(
             };
             (mesh_with_normals(mesh, *normals), before)
         }
-        GeometryDescription::Mesh { positions, triangles, normals } => {
+        GeometryDescription::Mesh { positions, triangles, normals, uvs } => {
             let positions = Positions::Double(positions.iter().map(DVec3::to_array).collect());
-            let mesh = TriangleMesh { positions, triangles: triangles.clone(), normals: None, uvs: None };
+            let (triangles, uvs) = (triangles.clone(), uvs.clone());
+            let mesh = TriangleMesh { positions, triangles, normals: None, uvs };
             (mesh_with_normals(mesh, *normals), DAffine3::IDENTITY)
         }
         geometry => match tessellated(geometry) {

@@ -100,7 +100,7 @@ impl Source {
                 Self::mesh(mesh)
             }
             GeometryDescription::Gltf { mesh, .. } => Self::mesh(TriangleMesh::clone(mesh)),
-            GeometryDescription::Mesh { positions, triangles, normals } => {
+            GeometryDescription::Mesh { positions, triangles, normals, .. } => {
                 let positions = Positions::Double(positions.iter().map(DVec3::to_array).collect());
                 let mut mesh =
                     TriangleMesh { positions, triangles: triangles.clone(), normals: None, uvs: None };

@@ -8,6 +8,9 @@ use std::f64::consts::{PI, TAU};
 const AROUND: u32 = 256;
 const ALONG: u32 = 128;
 
+/// Vertices of a sphere or a disc; it has at most twice as many triangles.
+pub(crate) const MOST_VERTICES: u64 = (AROUND as u64 + 1) * (ALONG as u64 + 1);
+
 impl TriangleMesh {
     /// The transformed mesh. A mirrored transform does not swap the sides.
     pub(crate) fn moved(mut self, by: &DAffine3) -> Self {

@@ -7,6 +7,7 @@ use crate::scene_file::reader::{Context, Expected, FRACTION, NUMBER, Table, Valu
 use crate::textures::{Sampler, TextureSlot, Wrap};
 use glam::{Affine2, DVec3, Mat2, Vec2};
 use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -27,11 +28,18 @@ pub(super) struct Images {
     /// In the order of the names; none for one with errors.
     entries: Vec<Option<Entry>>,
     pictures: RefCell<Pictures>,
+    /// Files of the images that materials use.
+    used: RefCell<BTreeSet<PathBuf>>,
 }
 
 impl Images {
     pub(super) fn new() -> Self {
-        Self { names: Names::new("image texture"), entries: Vec::new(), pictures: RefCell::default() }
+        Self {
+            names: Names::new("image texture"),
+            entries: Vec::new(),
+            pictures: RefCell::default(),
+            used: RefCell::default(),
+        }
     }
 
     /// Whether an image has this name.
@@ -46,6 +54,11 @@ impl Images {
         }
     }
 
+    /// Files of the images that materials use.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        self.used.borrow().iter().cloned().collect()
+    }
+
     pub(super) fn warn_unused(&self, context: &Context<'_>) {
         self.names.warn_unused(context, "is used by no material");
     }
@@ -57,6 +70,7 @@ impl Images {
         let is_raw = entry.is_linear.unwrap_or(how != Use::Colour);
         match self.pictures.borrow_mut().read(&entry.path, how, is_raw) {
             Ok((texture, _)) => {
+                self.used.borrow_mut().insert(entry.path.clone());
                 Some(TextureSlot { texture, sampler: entry.sampler, set: 0, transform: entry.transform })
             }
             Err(error) => {

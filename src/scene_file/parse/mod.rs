@@ -152,7 +152,10 @@ pub fn parse_scene(
         more += findings.more;
     }
     match scene {
-        Some(scene) if wrong.is_empty() => Ok(SceneDescription { warnings, ..scene }),
+        Some(mut scene) if wrong.is_empty() => {
+            scene.further_files.extend(files.iter().map(|included| included.file.clone()));
+            Ok(SceneDescription { warnings, ..scene })
+        }
         _ => Err(SceneFileError::Invalid { diagnostics: wrong, more }),
     }
 }
@@ -287,7 +290,7 @@ fn read_scene<'a>(
         light_photons,
         warnings: Vec::new(),
         notes: Vec::new(),
-        further_files: Vec::new(),
+        further_files: images.files(),
         parameters: Vec::new(),
     })
 }

@@ -13,10 +13,14 @@ use crate::scene_file::description::*;
 use crate::scene_file::import::material::Needs;
 use crate::scene_file::mesh::is_degenerate;
 use crate::scene_file::polygon::triangulate_polygon;
-use crate::scene_file::reader::{NUMBER, POSITIVE, SHARE, Table, Value};
+use crate::scene_file::reader::{Expected, NUMBER, POSITIVE, SHARE, Table, Value};
 use crate::scene_file::{Choice, is_gltf_file, is_mesh_file};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec2};
 use std::path::PathBuf;
+
+/// A texture coordinate.
+const COORDINATE: Expected =
+    Expected { what: "a number from -1e6 to 1e6", example: "0.5", holds: |x| x.abs() <= 1e6 };
 
 /// Sine of the angle between two edges of a quad below which it counts as a line.
 const FLAT: f64 = 1e-12;
@@ -365,8 +369,9 @@ fn read_mesh(table: &mut Table<'_>, materials: &Names) -> Option<GeometryDescrip
     let example = "[[0, 1, 2]]";
     let faces = table.required("faces", example, |value| read_faces(value, positions.as_deref()));
     let normals = table.or("normals", MeshNormals::Flat, |value| value.choice(&kinds[1..]));
+    let uvs = table.optional("coordinates", |value| read_coordinates(value, count));
     count?;
-    Some(GeometryDescription::Mesh { positions: positions?, triangles: faces?, normals: normals? })
+    Some(GeometryDescription::Mesh { positions: positions?, triangles: faces?, normals: normals?, uvs: uvs? })
 }
 
 /// Reads `replace = { "Name in the file" = "NAME" }`.
@@ -447,6 +452,21 @@ fn read_vertices(value: Value<'_>) -> Option<Vec<DVec3>> {
         return value.refuse("at least 3 points", format!("write for example `vertices = {example}`"));
     }
     vertices.map(|vertex| vertex.vector(&NUMBER)).collect()
+}
+
+/// Texture coordinates, one pair for each of `count` vertices.
+fn read_coordinates(value: Value<'_>, count: Option<usize>) -> Option<Vec<Vec2>> {
+    const EXAMPLE: &str = "[[0, 0], [1, 0], [0, 1]]";
+    let pairs = value.list("a list of pairs of numbers", EXAMPLE)?;
+    if count.is_some_and(|count| count != pairs.len()) {
+        let remedy = "give each vertex its own pair; corners with two are two vertices";
+        return value.refuse("as many pairs as there are vertices", remedy);
+    }
+    let pair = |value: Value<'_>| {
+        let [u, v] = value.pair(&COORDINATE, "[0.5, 1.0]")?;
+        Some(Vec2::new(u as f32, v as f32))
+    };
+    pairs.map(pair).collect()
 }
 
 /// Faces as triangles. Without `positions` (they have errors of their own) only the form is checked. Faulty faces that a mesh
