@@ -83,7 +83,7 @@ fn a_scene_of_several_files_is_the_scene_of_one() {
             "a.exr",
         ],
     );
-    assert!(stderr(&set).contains("lib/materials.toml:3:"), "{}", stderr(&set));
+    assert!(stderr(&set).contains("lib/materials.toml:4:"), "{}", stderr(&set));
 }
 
 #[test]

@@ -148,7 +148,7 @@ fn images_are_upright_on_all_shapes() {
     }
 }
 
-/// A normal map tilts the normal to the right: light from the right is stronger by the cosine.
+/// Where a normal map tilts the normal to the right, light from the right is stronger, and green is up.
 #[test]
 fn normal_maps_tilt() {
     let folder = Folder::new();
@@ -164,15 +164,23 @@ fn normal_maps_tilt() {
         );
         folder.picture(&text, 4)[27][0]
     };
-    for (map, direction, cosine) in [
-        ("flat", "[0, 0, -1]", 1.0),
-        ("right", "[0, 0, -1]", 0.8),
-        ("right", "[-0.6, 0, -0.8]", 1.0),
-        ("up", "[0, -0.6, -0.8]", 1.0),
-        ("up", "[0, 0.6, -0.8]", 0.28),
+    let straight = "[0, 0, -1]";
+    let [from_right, from_left, from_above, from_below] =
+        ["[-0.6, 0, -0.8]", "[0.6, 0, -0.8]", "[0, -0.6, -0.8]", "[0, 0.6, -0.8]"];
+    assert!((radiance("flat", straight) - 0.5).abs() < 0.01);
+    // Between the normals of the map and of the surface.
+    let tilted = radiance("right", straight);
+    assert!((tilted - 0.5 * 0.8).abs() < 0.01, "{tilted}");
+    let right = radiance("right", from_right);
+    assert!(right > 1.2 * tilted && radiance("right", from_left) < 0.7 * tilted, "{right} {tilted}");
+    // The same picture turned by a quarter.
+    for (one, other) in [
+        (("right", from_right), ("up", from_above)),
+        (("right", from_left), ("up", from_below)),
+        (("right", from_above), ("up", from_right)),
     ] {
-        let found = radiance(map, direction);
-        assert!((found - 0.5 * cosine).abs() < 0.01, "{map} {direction}: {found}");
+        let (a, b) = (radiance(one.0, one.1), radiance(other.0, other.1));
+        assert!((a / b - 1.0).abs() < 0.02, "{one:?} {a} {b}");
     }
 }
 
@@ -182,9 +190,10 @@ fn alpha_and_cutouts() {
     let folder = Folder::new();
     folder.image("mask.png", 2, |x, _| if x == 0 { [255; 3] } else { [0; 3] });
     let scene = |alpha: &str| {
+        let mask = "[textures.mask]\ntype = \"image\"\nfile = \"mask.png\"\nfilter = \"nearest\"\n";
+        let mask = if alpha.contains("mask") { mask } else { "" };
         format!(
-            "{VIEW}[textures.mask]\ntype = \"image\"\nfile = \"mask.png\"\nfilter = \"nearest\"
-            [materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n{alpha}
+            "{VIEW}{mask}[materials.m]\ntype = \"lambert\"\nreflectance = 0.5\n{alpha}
             [materials.black]\ntype = \"lambert\"\nreflectance = 0.25\n{QUAD}
             [[shapes]]\ntype = \"quad\"\ncorner = [-3, -3, -1]\nedge-u = [6, 0, 0]\nedge-v = [0, 6, 0]\nmaterial = \"black\"\n"
         )
