@@ -28,6 +28,8 @@ pub struct Lathe {
     pub curve: Curve,
     /// Segments around the axis, at least 3.
     pub segments: u32,
+    /// Whether its facets are flat, as cut in glass; otherwise it is shaded round.
+    pub is_flat: bool,
 }
 
 /// A point of the profile and the unit normal there, both (distance from the axis, height).
@@ -47,7 +49,8 @@ impl Lathe {
         2 * u64::from(self.segments) * steps * self.profile.len().saturating_sub(1) as u64
     }
 
-    /// The triangles, with exact normals of the profile curve at their corners. A strip that ends on the axis ends in a fan.
+    /// The triangles, with exact normals of the profile curve at their corners unless they are flat. A strip that ends on the axis ends in
+    /// a fan.
     pub fn mesh(&self) -> TriangleMesh {
         let mut mesh = Builder { segments: self.segments, ..Builder::default() };
         for run in self.runs() {
@@ -56,7 +59,7 @@ impl Lathe {
         TriangleMesh {
             positions: Positions::Double(mesh.positions),
             triangles: mesh.triangles,
-            normals: Some(mesh.normals),
+            normals: (!self.is_flat).then_some(mesh.normals),
             uvs: None,
         }
     }
@@ -202,7 +205,12 @@ mod tests {
 
     #[test]
     fn a_turned_half_circle_is_a_sphere() {
-        let lathe = Lathe { profile: half_circle(16), curve: Curve::Smooth { steps: 4 }, segments: 64 };
+        let lathe = Lathe {
+            profile: half_circle(16),
+            curve: Curve::Smooth { steps: 4 },
+            segments: 64,
+            is_flat: false,
+        };
         let mesh = lathe.mesh();
         let normals = mesh.normals.as_ref().unwrap();
         for (vertex, normal) in normals.iter().enumerate() {
@@ -230,10 +238,13 @@ mod tests {
     #[test]
     fn straight_profiles_have_creases_and_splines_only_at_doubled_points() {
         let profile = vec![DVec2::new(1.0, 0.0), DVec2::new(1.0, 1.0), DVec2::new(0.0, 1.0)];
-        let can = Lathe { profile: profile.clone(), curve: Curve::Straight, segments: 8 };
+        let can = Lathe { profile: profile.clone(), curve: Curve::Straight, segments: 8, is_flat: false };
         assert_eq!(can.runs().len(), 2);
         assert_eq!(can.mesh().triangles.len(), 16 + 8);
-        let smooth = |profile| Lathe { profile, curve: Curve::Smooth { steps: 3 }, segments: 8 };
+        let cut = Lathe { is_flat: true, ..can.clone() }.mesh();
+        assert!(cut.normals.is_none() && cut.triangles == can.mesh().triangles);
+        let smooth =
+            |profile| Lathe { profile, curve: Curve::Smooth { steps: 3 }, segments: 8, is_flat: false };
         assert_eq!(smooth(profile.clone()).runs().len(), 1);
         let mut cornered = profile;
         cornered.insert(1, cornered[1]);

@@ -13,7 +13,9 @@ pub(super) fn read_lathe(table: &mut Table<'_>) -> Option<GeometryDescription> {
     let steps = table.or("steps", 8, |value| value.integer(1..=10_000));
     let segments = table.or("segments", 64, |value| value.integer(3..=1_000_000));
     let curve = if curve? { Curve::Smooth { steps: steps? as u32 } } else { Curve::Straight };
-    let lathe = Lathe { profile: profile?, curve, segments: segments? as u32 };
+    let normals = [("smooth", false), ("flat", true)];
+    let is_flat = table.or("normals", false, |value| value.choice(&normals));
+    let lathe = Lathe { profile: profile?, curve, segments: segments? as u32, is_flat: is_flat? };
     limited(table, lathe.most_triangles())?;
     Some(GeometryDescription::Generated(Generator::Lathe(lathe)))
 }
