@@ -6,6 +6,7 @@ mod displace;
 mod gltf_shapes;
 mod light;
 mod media;
+mod mtl_pictures;
 mod own_materials;
 mod pictured;
 mod place;
