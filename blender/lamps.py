@@ -48,17 +48,22 @@ def _colour(light, who, notices):
     tree = tree_of(light)
     if tree is not None:
         graph = Graph(who, notices)
-        output = tree.get_output_node("CYCLES")
-        found = graph.source(output.inputs["Surface"]) if output else None
-        if found is None or found[0] is None:
-            return (0.0, 0.0, 0.0)
-        node, _, stack = found
-        if node.type != "EMISSION":
-            graph.say(f"the node '{node.name}' of the light is not modelled; its plain colour and power are used")
-        else:
-            strength *= graph.number(node.inputs["Strength"], stack)
-            colour = tuple(a * b for a, b in zip(colour, graph.colour(node.inputs["Color"], stack)))
+        own = graph.ended(lambda: _emitted(graph, tree), (1.0, 1.0, 1.0), "its plain colour and power are used")
+        colour = tuple(a * b for a, b in zip(colour, own))
     return units.scaled(colour, strength)
+
+
+def _emitted(graph, tree):
+    """Colour times strength that the nodes of a light give it."""
+    output = tree.get_output_node("CYCLES")
+    found = graph.source(output.inputs["Surface"]) if output else None
+    if found is None or found[0] is None:
+        return (0.0, 0.0, 0.0)
+    node, _, stack = found
+    if node.type != "EMISSION":
+        graph.say(f"the node '{node.name}' of the light is not modelled; its plain colour and power are used")
+        return (1.0, 1.0, 1.0)
+    return units.scaled(graph.colour(node.inputs["Color"], stack), graph.number(node.inputs["Strength"], stack))
 
 
 def tables(name, light, matrix, notices):

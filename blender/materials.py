@@ -10,6 +10,10 @@ def surface_of(material, notices):
     if material is None:
         return matt((0.8, 0.8, 0.8))
     graph = Graph(f"material '{material.name}'", notices)
+    return graph.ended(lambda: _of_material(graph, material), black(), "it is black")
+
+
+def _of_material(graph, material):
     tree = tree_of(material)
     if tree is None:
         surface = Surface(

@@ -25,15 +25,28 @@ _SEPARATE = ("SEPARATE_COLOR", "SEPRGB")
 class Graph:
     """A node tree, and what to say where it cannot be followed. `who`: its name in notices."""
 
+    #: Links that are followed at most, so that graphs that branch without end come to one.
+    _MOST = 20_000
+
     def __init__(self, who, notices):
         self.who, self._notices = who, notices
+        self._left = self._MOST
+
+    def ended(self, follow, instead, what):
+        """What `follow` yields, or `instead`, told as `what`, where the links run in a circle."""
+        try:
+            return follow()
+        except RecursionError:
+            self.say(f"the links of its nodes run in a circle; {what}")
+            return instead
 
     def say(self, what):
         self._notices.add(self.who, what)
 
     def source(self, socket, stack=()):
         """The node and the socket that a socket gets its value from, with the groups around them; None where nothing is linked."""
-        while True:
+        while self._left > 0:
+            self._left -= 1
             link = next((link for link in socket.links if link.is_valid and not getattr(link, "is_muted", False)), None)
             if link is None:
                 return None
@@ -65,6 +78,8 @@ class Graph:
                     return None, socket, stack
             else:
                 return node, origin, stack
+        self.say("its nodes have more links than are followed; the rest counts as not linked")
+        return None
 
     def number(self, socket, stack=(), what=None):
         """The plain number of a socket."""
@@ -100,9 +115,9 @@ class Graph:
             return Amount(_value(socket.default_value))
         node, origin, stack = found
         if node is None:
-            return Amount(_value(origin.default_value))
+            return Amount(_converted(origin, socket))
         if node.type in ("RGB", "VALUE"):
-            return Amount(_value(node.outputs[0].default_value))
+            return Amount(_converted(node.outputs[0], socket))
         if node.type == "TEX_IMAGE" and node.image:
             return Amount(_value(socket.default_value), self._texture(node, origin, stack))
         if node.type in _SEPARATE and getattr(node, "mode", "RGB") == "RGB":
@@ -113,7 +128,7 @@ class Graph:
         if node.type == "MATH" and all(inner.type == "VALUE" for inner in node.inputs):
             result = self._arithmetic(node, stack)
             if result is not None:
-                return Amount(result)
+                return Amount((result,) * 3 if isinstance(_value(socket.default_value), tuple) else result)
         self.say(f"{what} comes from the node '{node.name}', which is not modelled; {_told(socket)} is used")
         return Amount(_value(socket.default_value))
 
@@ -216,6 +231,17 @@ def uv_transform(place, turn, scale):
 
 def _value(value):
     return tuple(value)[:3] if hasattr(value, "__len__") else float(value)
+
+
+def _converted(origin, socket):
+    """The plain value of a socket as another one takes it: a number as grey, a colour by its luminance, a vector by its mean."""
+    value, wanted = _value(origin.default_value), _value(socket.default_value)
+    if isinstance(wanted, tuple) and not isinstance(value, tuple):
+        return (value,) * 3
+    if isinstance(value, tuple) and not isinstance(wanted, tuple):
+        weights = (0.2126, 0.7152, 0.0722) if origin.type == "RGBA" else (1 / 3,) * 3
+        return sum(weight * channel for weight, channel in zip(weights, value))
+    return value
 
 
 def _told(socket):

@@ -20,6 +20,10 @@ def tables(world, notices):
     if world is None:
         return [], None
     graph = Graph(f"world '{world.name}'", notices)
+    return graph.ended(lambda: _of_world(graph, world), ([], None), "it is black")
+
+
+def _of_world(graph, world):
     tree = tree_of(world)
     if tree is None:
         return _constant(tuple(world.color)), None
@@ -39,7 +43,7 @@ def medium(world, notices):
     if output is None:
         return None
     graph = Graph(f"world '{world.name}'", notices)
-    found = medium_of(graph, graph.source(output.inputs["Volume"]))
+    found = graph.ended(lambda: medium_of(graph, graph.source(output.inputs["Volume"])), None, "its volume is left out")
     if found is None or max(found.absorption + found.scattering) <= 0.0:
         return None
     graph.say("its volume fills a box around the scene, half as large again; Blender's has no end")

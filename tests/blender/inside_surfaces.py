@@ -1,6 +1,8 @@
 """Materials, against closed forms and Cycles."""
 
+import json
 import math
+import random
 import tempfile
 import unittest
 
@@ -8,7 +10,8 @@ import bpy
 import numpy
 from stage import box, by_cycles, empty_scene, eye, lamp, material, mean, mesh, nodes_of, plane, render, white, world
 
-from blender import export, notices
+from blender import export, materials, notices, surface
+from blender import world as worlds
 
 
 class Surfaces(unittest.TestCase):
@@ -215,6 +218,117 @@ class Surfaces(unittest.TestCase):
             own, other = render()["Combined"][..., :3], by_cycles(64)["Combined"][..., :3]
             self.assertGreater(own.std(), 0.05)
             self.assertLess(numpy.abs(own - other).mean(), 0.02, domain)
+
+    def test_any_node_is_written_or_told(self):
+        """Each node of Blender as surface, volume, colour, normal and factor: none is an error."""
+        empty_scene()
+        tree = nodes_of(bpy.data.materials.new("probe"))
+        kinds = []
+        for name in sorted(dir(bpy.types)):
+            if name.startswith("ShaderNode") and name not in ("ShaderNode", "ShaderNodeTree", "ShaderNodeCustomGroup"):
+                try:
+                    tree.nodes.new(name)
+                except RuntimeError:
+                    continue
+                kinds.append(name)
+        self.assertGreater(len(kinds), 80)
+        told = notices.Notices()
+        for kind in kinds:
+            for number in range(4):
+                look = bpy.data.materials.new(f"{kind} {number}")
+                tree = nodes_of(look)
+                node, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
+                # Inputs are linked too: a colour from noise, shaders from glass.
+                noise, glass = tree.nodes.new("ShaderNodeTexNoise"), tree.nodes.new("ShaderNodeBsdfGlass")
+                for socket in node.inputs:
+                    source = glass.outputs[0] if socket.type == "SHADER" else noise.outputs[0]
+                    if number % 2 and not socket.is_unavailable:
+                        tree.links.new(source, socket)
+                if not node.outputs:
+                    continue
+                shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
+                if node.outputs[0].type == "SHADER":
+                    targets = [output.inputs["Surface" if number < 2 else "Volume"]]
+                elif number < 2:
+                    targets = [shader.inputs[name] for name in ("Base Color", "Roughness", "Normal", "IOR", "Emission Color")]
+                else:
+                    volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+                    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+                    targets = [volume.inputs[name] for name in ("Color", "Density")] + [output.inputs["Displacement"]]
+                if node.outputs[0].type != "SHADER":
+                    tree.links.new(shader.outputs[0], output.inputs["Surface"])
+                for target in targets:
+                    tree.links.new(node.outputs[0], target)
+                with self.subTest(kind, number=number):
+                    found = materials.surface_of(look, told)
+                    if found is not None and not found.textures:
+                        json.dumps(surface.material(found, "m", None, None), allow_nan=False)
+        # As the world, and as a light.
+        for kind in kinds:
+            own = bpy.data.worlds.new(kind)
+            tree = nodes_of(own)
+            try:
+                node = tree.nodes.new(kind)
+            except RuntimeError:
+                continue
+            background, output = tree.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeOutputWorld")
+            if not node.outputs:
+                continue
+            is_shader = node.outputs[0].type == "SHADER"
+            tree.links.new(node.outputs[0], output.inputs["Surface"] if is_shader else background.inputs["Color"])
+            tree.links.new(node.outputs[0], output.inputs["Volume"] if is_shader else background.inputs["Strength"])
+            if not is_shader:
+                tree.links.new(background.outputs[0], output.inputs["Surface"])
+            with self.subTest(kind, of="world"):
+                worlds.tables(own, told)
+                worlds.medium(own, told)
+
+    def test_random_graphs(self):
+        """Any links, also in circles, through groups, reroutes and muted nodes."""
+        empty_scene()
+        kinds = ["BsdfPrincipled", "MixShader", "AddShader", "BsdfGlass", "BsdfTransparent", "Emission", "Math", "RGB", "Value"]
+        kinds += ["TexImage", "Mapping", "UVMap", "NormalMap", "Bump", "VolumeScatter", "VolumeAbsorption", "VertexColor", "LightPath"]
+        image = self.picture("any", lambda x, y: numpy.stack([x, y, x], axis=-1))
+
+        def link(graph, output, socket):
+            try:
+                graph.links.new(output, socket)
+            except RuntimeError:
+                # Sockets at the ends of groups, which stand for those that are still to be made.
+                pass
+
+        for seed in range(150):
+            chance = random.Random(seed)
+            look = bpy.data.materials.new(f"graph {seed}")
+            tree = nodes_of(look)
+            inner = bpy.data.node_groups.new(f"group {seed}", "ShaderNodeTree")
+            for name, way in (("a", "INPUT"), ("b", "INPUT"), ("c", "OUTPUT")):
+                kind = chance.choice(["NodeSocketColor", "NodeSocketFloat", "NodeSocketShader"])
+                inner.interface.new_socket(name, in_out=way, socket_type=kind)
+            for graph, count in ((inner, 5), (tree, 10)):
+                own = [graph.nodes.new("ShaderNode" + chance.choice(kinds)) for _ in range(count)]
+                own += [graph.nodes.new("NodeReroute") for _ in range(2)]
+                if graph is inner:
+                    own += [graph.nodes.new("NodeGroupInput"), graph.nodes.new("NodeGroupOutput")]
+                else:
+                    group = graph.nodes.new("ShaderNodeGroup")
+                    group.node_tree = inner
+                    own += [group, graph.nodes.new("ShaderNodeOutputMaterial")]
+                for node in own:
+                    node.mute = chance.random() < 0.1 and node.type not in ("OUTPUT_MATERIAL", "GROUP_OUTPUT", "REROUTE")
+                    if node.type == "TEX_IMAGE" and chance.random() < 0.8:
+                        node.image = image
+                outputs = [socket for node in own for socket in node.outputs if not socket.is_unavailable]
+                for node in own:
+                    for socket in node.inputs:
+                        if outputs and chance.random() < (0.9 if node.type in ("OUTPUT_MATERIAL", "GROUP_OUTPUT") else 0.5):
+                            link(graph, chance.choice(outputs), socket)
+            with self.subTest(seed=seed):
+                found = materials.surface_of(look, notices.Notices())
+                if found is not None:
+                    table = lambda *_: {"index": 0}  # noqa: E731
+                    json.dumps(surface.material(found, "m", table, table), allow_nan=False)
+                    json.dumps(found.inside.table(found.ior))
 
     def test_what_is_not_modelled_is_told(self):
         scene = empty_scene()

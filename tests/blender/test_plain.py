@@ -19,7 +19,7 @@ from blender import camera, framing, glb, lamps, nodes, notices, program, surfac
 try:
     import numpy
 
-    from blender import exr, passes
+    from blender import exr, passes, pictures
 except ImportError:
     numpy = None
 
@@ -508,6 +508,106 @@ class Exr(unittest.TestCase):
         flat = passes.depth(picture, framing.Frame(4, 4, (2, 0, 4, 2), 0.5, False))[..., 0]
         self.assertEqual(flat[1].tolist(), [1.0, 2.0])
         self.assertEqual(passes.flat(depth).dtype, numpy.float32)
+
+
+class FakeImage(SimpleNamespace):
+    """What Blender's images have; rows from the bottom."""
+
+    def __init__(self, name, values, space="sRGB", is_float=False, **more):
+        values = numpy.asarray(values, numpy.float32)
+
+        def foreach_get(target):
+            target[:] = values.reshape(-1)
+
+        common = dict(source="GENERATED", path="", packed_file=None, is_dirty=False, has_data=True, name_full=name)
+        super().__init__(
+            name=name,
+            size=(values.shape[1], values.shape[0]),
+            pixels=SimpleNamespace(foreach_get=foreach_get),
+            colorspace_settings=SimpleNamespace(name=space),
+            is_float=is_float,
+            **(common | more),
+        )
+
+    def __eq__(self, other):
+        return self is other
+
+
+def png_pixels(data):
+    """The pixels of a PNG that `pictures.png` wrote."""
+    import zlib
+
+    width, height, _, kind = struct.unpack_from(">IIBB", data, 16)
+    channels = {2: 3, 6: 4}[kind]
+    start = data.index(b"IDAT") + 4
+    (length,) = struct.unpack_from(">I", data, start - 8)
+    rows = numpy.frombuffer(zlib.decompress(data[start : start + length]), numpy.uint8).reshape(height, -1)
+    return rows[:, 1:].reshape(height, width, channels)
+
+
+@unittest.skipUnless(numpy, "numpy is not there, which Blender brings along")
+class PicturesOfSurfaces(unittest.TestCase):
+    def setUp(self):
+        self.model, self.told = glb.Glb(), notices.Notices()
+        self.pictures = pictures.Pictures(self.model, self.told, lambda image: image.path)
+
+    def pixels(self, slot):
+        """The pixels of a slot's picture, and its kind."""
+        image = self.model.json["images"][self.model.json["textures"][slot["index"]]["source"]]
+        view = self.model.json["bufferViews"][image["bufferView"]]
+        data = self.model.to_bytes()
+        start = 28 + struct.unpack_from("<I", data, 12)[0] + view["byteOffset"]
+        return data[start : start + view["byteLength"]], image["mimeType"]
+
+    def test_colours(self):
+        grey = FakeImage("grey", [[[0.5, 0.5, 0.5, 1.0], [0.25, 0.5, 1.0, 0.5]]])
+        linear = FakeImage("linear", [[[0.2158605, 2.0, 0.0, 1.0]]], space="Linear Rec.709", is_float=True)
+        slot = self.pictures.slot((None, "other"))
+        # Bytes stay as they are, and linear numbers are encoded; what is above 1 is cut, and told.
+        first, kind = self.pixels(slot(surface.Texture(grey)))
+        self.assertEqual((png_pixels(first).tolist(), kind), ([[[128, 128, 128, 255], [64, 128, 255, 128]]], "image/png"))
+        second, _ = self.pixels(slot(surface.Texture(linear)))
+        self.assertEqual(png_pixels(second)[0, 0].tolist(), [128, 255, 0, 255])
+        self.assertEqual(self.told.lines(), ["image 'linear': values above 1 are cut to 1 in pictures of surfaces"])
+        # The same picture is written once; its place is that of the texture.
+        again = slot(surface.Texture(grey, uv="other", transform=((0.1, 0.2), 0.3, (2.0, 1.0))))
+        self.assertEqual((again["index"], again["texCoord"]), (0, 1))
+        self.assertEqual(again["extensions"]["KHR_texture_transform"]["rotation"], 0.3)
+        self.assertEqual(len(self.model.json["images"]), 2)
+
+    def test_files_go_in_as_they_are(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "p.jpg")
+            Path(path).write_bytes(b"\xff\xd8\xff and more")
+            jpeg = FakeImage("jpeg", [[[0, 0, 0, 1]]], source="FILE", path=path)
+            slot = self.pictures.slot((None,))
+            self.assertEqual(self.pixels(slot(surface.Texture(jpeg))), (b"\xff\xd8\xff and more", "image/jpeg"))
+        lost = FakeImage("lost", numpy.zeros((0, 0, 4)), source="FILE", path="/nowhere.png", has_data=False)
+        data, _ = self.pixels(slot(surface.Texture(lost)))
+        self.assertEqual(png_pixels(data)[0, 0].tolist(), [255, 0, 255])
+        self.assertIn("its file is missing", self.told.lines()[0])
+
+    def test_roughness_and_metal(self):
+        """Green and blue of one picture, of the size of the larger; colours as numbers are their linear luminance."""
+        rough = FakeImage("rough", [[[0.2] * 3 + [1]] * 2, [[0.6] * 3 + [1]] * 2], space="Non-Color")
+        metal = FakeImage("metal", [[[0.5, 0.5, 0.5, 1.0]]])
+        both = self.pictures.slot_of_both((None,), "material 'm'")
+        data, _ = self.pixels(both(surface.Amount(1.0, surface.Texture(rough)), surface.Amount(0.0, surface.Texture(metal))))
+        pixels = png_pixels(data)
+        # Rows from the top; 0.5 of sRGB is 0.214.
+        self.assertEqual(pixels[..., 1].tolist(), [[153, 153], [51, 51]])
+        self.assertEqual(set(pixels[..., 2].ravel().tolist()), {55})
+        # Channels of a picture that is packed already are left as they are.
+        packed = FakeImage("packed", [[[0.1, 0.2, 0.3, 1.0]]], space="Non-Color")
+        amounts = [surface.Amount(1.0, surface.Texture(packed, channel)) for channel in ("G", "B")]
+        data, _ = self.pixels(both(*amounts))
+        self.assertEqual(png_pixels(data)[0, 0].tolist(), [26, 51, 76, 255])
+        # A picture of one alone leaves the other to its factor.
+        own = surface.Surface(roughness=amounts[0], metallic=surface.Amount(0.25))
+        told = surface.material(own, "m", None, both)["pbrMetallicRoughness"]
+        self.assertEqual((told["roughnessFactor"], told["metallicFactor"]), (1.0, 0.25))
+        data, _ = self.pixels(told["metallicRoughnessTexture"])
+        self.assertEqual(png_pixels(data)[0, 0].tolist(), [255, 51, 255])
 
 
 class Extension(unittest.TestCase):
