@@ -89,8 +89,8 @@ class Passes(unittest.TestCase):
         self.assertEqual(beside[:9].max(), 0.0)
 
     def test_rounds_end_as_if_they_never_stopped(self):
-        scene = self.stage(integrator="progressive", extra="")
-        scene.cardioid.rounds = 5
+        scene = self.stage(integrator="progressive", extra="--global-photons 3000 --caustic-photons 3000")
+        scene.cardioid.rounds = 18
         with tempfile.TemporaryDirectory() as folder:
             scene.cardioid.folder = folder
             found = render()["Combined"][..., :3]
@@ -99,7 +99,8 @@ class Passes(unittest.TestCase):
             alone = os.path.join(folder, "alone.exr")
             run(
                 ["cardioid", "render", "-q", os.path.join(folder, "scene.toml"), "-o", alone]
-                + ["--quality", "draft", "--integrator", "progressive", "--rounds", "5"],
+                + ["--quality", "draft", "--integrator", "progressive", "--rounds", "18"]
+                + scene.cardioid.extra.split(),
                 check=True,
             )
             channels = exr.read(alone).channels
