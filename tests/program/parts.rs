@@ -129,6 +129,23 @@ fn a_single_block_is_the_plain_sum() {
     assert!(message.contains("progressive"), "{message}");
 }
 
+/// A checkpoint within a block and one at its end, before and after the first is rounded.
+#[test]
+fn resumed_renders_keep_their_bits_over_blocks() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    let to = |rounds: &str, exr: &str, more: &[&str]| {
+        let fixed = ["--integrator", "progressive", "--layers", "light", "--rounds", rounds, "-o", exr];
+        ends(folder, "render", &[&fixed[..], more].concat(), 0);
+    };
+    to("35", "one.exr", &[]);
+    to("16", "a.exr", &["--checkpoint", "r"]);
+    for rounds in ["20", "32", "35"] {
+        to(rounds, "a.exr", &["--checkpoint", "r", "--resume", "r"]);
+    }
+    assert_same(folder, "one.exr", "a.exr");
+}
+
 #[test]
 fn what_does_not_belong_together_is_refused() {
     let temporary = tempfile::tempdir().unwrap();
