@@ -11,6 +11,7 @@
 
 mod all_hits;
 mod callbacks;
+mod clearance;
 mod cutout;
 mod device;
 mod packets;

@@ -34,7 +34,7 @@ pub struct RawHit {
 /// Owner of memory that Embree reads while it traces. The value is kept alive and never read.
 #[derive(Debug)]
 #[allow(dead_code, reason = "owned on behalf of Embree")]
-enum Resource {
+pub(super) enum Resource {
     Triangles(TriangleBuffers),
     Cut(TriangleBuffers, Box<CutGeometry>),
     User(Box<UserGeometry>),
@@ -293,7 +293,7 @@ impl SceneBuilder {
 pub struct CommittedScene {
     // Dropped first, see `SceneBuilder`.
     handle: Handle,
-    resources: Vec<Resource>,
+    pub(super) resources: Vec<Resource>,
     panics: Arc<AtomicU64>,
     device: Arc<Device>,
     robust: bool,

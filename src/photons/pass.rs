@@ -4,8 +4,8 @@
 use super::Photon;
 use super::emission::{Emitter, Goals};
 use super::sources::Sources;
-use super::trace::{Batch, PhotonTally, Starts, TraceSettings, Traced};
-use super::volume::{MediaMaps, MediaRecords};
+use super::trace::{Batch, Kept, PhotonTally, Starts, TraceSettings, Traced};
+use super::volume::{MediaMaps, MediaRecords, Thinning};
 use crate::lights::LightId;
 use crate::math::Ray;
 use crate::media::MediumId;
@@ -44,6 +44,17 @@ impl TracedPhotons {
     fn len(&self) -> usize {
         self.photons.len() + self.media.len()
     }
+
+    /// Number of paths that media scattered where that may be stored.
+    fn media_paths(&self) -> u64 {
+        self.tallies.iter().map(|tally| tally.media_paths).sum()
+    }
+
+    /// Whether paths stay in media for long.
+    fn is_dense(&self) -> bool {
+        let collisions: u64 = self.tallies.iter().map(|tally| tally.media_collisions).sum();
+        collisions > DENSE.saturating_mul(self.media_paths())
+    }
 }
 
 /// Photons that one task traces: few enough that no thread waits long for the last task.
@@ -78,6 +89,12 @@ const MOST_BY_SURFACES: u64 = 16;
 
 /// The same for photons in media, of which each may cross several bodies.
 const MOST_EMITTED_IN_MEDIA: f64 = 64.0;
+
+/// Media are dense where they scatter a photon more often.
+const DENSE: u64 = 32;
+
+/// Photons to store of each path in dense media: those of one path lie close together and have one colour.
+const STORED_OF_PATH: f64 = 2.0;
 
 /// If one in [`MOST_EMITTED_PER_STORED`] photons is stored, then a pass of this many times as many photons stores none
 /// with probability e^-20.
@@ -230,13 +247,28 @@ fn trace_from(
             divided: sources.divided.clone(),
         });
     }
-    let pass = Pass { scene, settings, sources, receivers, in_media, starts, progress };
-    let (prepass, per_stored) = pass.find_count()?;
+    let mut pass =
+        Pass { scene, settings, sources, receivers, in_media, kept: Kept::First, starts, progress };
+    let (mut prepass, mut per_stored) = pass.find_count()?;
+    if prepass.is_dense() && !prepass.stopped {
+        pass.kept = Kept::All;
+        (prepass, per_stored) = pass.find_count()?;
+    }
     if prepass.stopped || prepass.len() == 0 {
         return Some(prepass);
     }
     let most_per_stored = if in_media { MOST_EMITTED_IN_MEDIA } else { MOST_EMITTED_PER_STORED };
     let emitted = (settings.stored as f64 * per_stored.min(most_per_stored)).min(most as f64);
+    let times = emitted.ceil() / prepass.emitted as f64;
+    let (paths, points) = (prepass.media_paths(), &prepass.media.points);
+    let thinning = if matches!(pass.kept, Kept::All) {
+        Thinning::new(points, paths, times, settings.stored as f64)
+    } else {
+        None
+    };
+    if let Some(thinning) = &thinning {
+        pass.kept = Kept::Thinned(thinning);
+    }
     let stream = match (settings.kind, in_media) {
         (MapKind::Caustic, false) => Stream::CausticPhotons,
         (MapKind::Caustic, true) => Stream::VolumeBeams,
@@ -279,6 +311,7 @@ pub fn survey_caustics(scene: &Scene, emitted_by_each: u64, seed: u64) -> Vec<Ca
         sources: &sources,
         stream: Stream::Prepass,
         in_media: false,
+        kept: Kept::First,
         tagged: false,
         starts: Starts::Anywhere,
         shares,
@@ -320,6 +353,7 @@ fn trace_alone(
         receivers: &[],
         stream: Stream::Measure,
         in_media: false,
+        kept: Kept::First,
         tagged: false,
         starts: Starts::Anywhere,
         shares,
@@ -371,7 +405,8 @@ pub fn stream_photons<E>(
         return Ok(Some(result));
     }
     let (starts, in_media, receivers) = (Starts::Anywhere, false, &[][..]);
-    let pass = Pass { scene, settings, sources: &sources, receivers, in_media, starts, progress };
+    let kept = Kept::First;
+    let pass = Pass { scene, settings, sources: &sources, receivers, in_media, kept, starts, progress };
     let Some((prepass, per_stored)) = pass.find_count() else { return Ok(None) };
     if prepass.stopped {
         return Ok(None);
@@ -396,6 +431,7 @@ pub fn stream_photons<E>(
         receivers,
         stream,
         in_media,
+        kept,
         tagged: true,
         starts,
         shares,
@@ -442,12 +478,14 @@ struct Pass<'a> {
     sources: &'a Sources<'a>,
     receivers: &'a [u32],
     in_media: bool,
+    kept: Kept<'a>,
     starts: Starts<'a>,
     progress: &'a (dyn Fn(u64, u64) -> bool + Sync),
 }
 
 impl Pass<'_> {
-    /// Runs short passes; returns the last one and the number of photons to emit for each stored one.
+    /// Runs short passes; returns the last one and the number of photons to emit for each that is to be stored; where all photons that
+    /// media scatter are stored, such that there are about [`STORED_OF_PATH`] of each path, or all if they are fewer.
     fn find_count(&self) -> Option<(TracedPhotons, f64)> {
         let mut emitted = FIRST_PREPASS;
         // Number of emitted photons after which the search ends if none was stored: at least the number requested, and
@@ -456,7 +494,10 @@ impl Pass<'_> {
         loop {
             let quiet = Pass { progress: &|_, _| (self.progress)(0, 1), ..*self };
             let (prepass, counts) = quiet.run(Stream::Prepass, emitted, None)?;
-            let stored = prepass.len() as f64;
+            let stored = match self.kept {
+                Kept::All => (prepass.len() as f64).min(STORED_OF_PATH * prepass.media_paths() as f64),
+                Kept::First | Kept::Thinned(_) => prepass.len() as f64,
+            };
             let per_stored = prepass.emitted as f64 / stored;
             let enough = if prepass.len() == 0 {
                 emitted >= futile
@@ -479,7 +520,7 @@ impl Pass<'_> {
     fn run(&self, stream: Stream, emitted: u64, chunk: Option<u64>) -> Option<(TracedPhotons, Vec<u64>)> {
         let shares = self.sources.shares(emitted);
         let emitted: u64 = shares.iter().sum();
-        let Self { scene, settings, sources, receivers, in_media, starts, .. } = *self;
+        let Self { scene, settings, sources, receivers, in_media, kept, starts, .. } = *self;
         let reached = no_surfaces(scene, settings.kind);
         let batch = Batch {
             scene,
@@ -488,6 +529,7 @@ impl Pass<'_> {
             receivers,
             stream,
             in_media,
+            kept,
             tagged: false,
             starts,
             shares,

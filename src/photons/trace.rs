@@ -4,7 +4,7 @@ use super::scattering::{
     candidates, mirrored_share, one_of, sampled, sampled_around_geometric, shading_share, without_diffuse,
 };
 use super::sources::Sources;
-use super::volume::MediaRecords;
+use super::volume::{MediaRecords, Thinning};
 use super::{Photon, PhotonClass};
 use crate::bsdf::{Bsdf, Lambert, Lobe};
 use crate::embree::RawHit;
@@ -14,7 +14,9 @@ use crate::sampling::{ONE_MINUS_EPSILON, Rng, Sobol, Stream, chain_roulette, mix
 use crate::scene::{DiffuseHit, MapKind, Scene, Shading, SurfaceInteraction};
 use crate::settings::Wavelengths;
 use crate::spectra::{Line, at_line};
-use crate::transport::{Event, attenuation, next_event_in_media, refracted_share, surface_through_media};
+use crate::transport::{
+    Clearance, Event, attenuation, refracted_share, surface_through_media, walk_in_media,
+};
 use glam::{DVec3, Vec2, Vec3};
 use std::ops::{AddAssign, MulAssign};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -55,6 +57,10 @@ pub struct PhotonTally {
     pub interfaces: u64,
     /// Photons that met an interface whose stated medium differs from the one they were in.
     pub medium_mismatches: u64,
+    /// Photons that a medium scattered where that may be stored.
+    pub media_paths: u64,
+    /// Number of times that media scattered them there.
+    pub media_collisions: u64,
     /// Power that left the lights.
     pub power_emitted: DVec3,
     /// Power that surfaces and media absorbed, or that was stored in a map which does not follow photons further.
@@ -74,6 +80,8 @@ impl AddAssign for PhotonTally {
         self.truncated += other.truncated;
         self.interfaces += other.interfaces;
         self.medium_mismatches += other.medium_mismatches;
+        self.media_paths += other.media_paths;
+        self.media_collisions += other.media_collisions;
         self.power_emitted += other.power_emitted;
         self.power_absorbed += other.power_absorbed;
         self.power_escaped += other.power_escaped;
@@ -103,6 +111,8 @@ pub(super) struct Batch<'a> {
     pub in_media: bool,
     /// Whether the surface of each photon is recorded, though no surface has an illumination map.
     pub tagged: bool,
+    /// Which of the photons that media scatter are stored.
+    pub kept: Kept<'a>,
     /// Which photons are followed, by whether they meet media.
     pub starts: Starts<'a>,
     /// By light: number of photons to emit.
@@ -123,6 +133,31 @@ pub(super) enum Starts<'a> {
     /// The others.
     Elsewhere(&'a [bool]),
 }
+
+/// Which of the photons that media scatter are stored, their power divided by the probability of that.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Kept<'a> {
+    /// The first of each path, and later ones ever less often.
+    First,
+    /// All.
+    All,
+    /// By place.
+    Thinned(&'a Thinning),
+}
+
+impl Kept<'_> {
+    /// Probability of storing a photon at a place where its path has been scattered so often before.
+    fn share(self, position: Vec3, before: u32) -> f32 {
+        match self {
+            Self::First => ALL_STORED / (ALL_STORED + before as f32),
+            Self::All => 1.0,
+            Self::Thinned(thinning) => thinning.share(position),
+        }
+    }
+}
+
+/// With [`Kept::First`] a photon is stored with the probability of this number over itself plus the number of times it was to be stored before.
+const ALL_STORED: f32 = 8.0;
 
 /// Result of tracing some photons of one light.
 pub(super) struct Traced {
@@ -207,6 +242,7 @@ impl Batch<'_> {
                         power,
                         started_with: power.max_element(),
                         medium: media[usize::from(start.back)],
+                        clearance: Clearance::default(),
                         depth: 0,
                         scattered: 0,
                         chain: 0,
@@ -265,9 +301,6 @@ struct Stored {
 /// contradict each other, the power might never stop growing.
 const LARGEST_GROWTH: f32 = 1000.0;
 
-/// A photon in media is stored with the probability of this number over itself plus the number of times it was to be stored before.
-const ALL_STORED: f32 = 8.0;
-
 /// Photons that a thread traces at a time. Their paths are independent; while one photon waits for its surface to be
 /// loaded, the processor works on the next.
 const IN_FLIGHT: usize = 32;
@@ -285,6 +318,7 @@ struct Flight {
     /// Brightest channel of the power at the start, times the factors of [`chain_roulette`] since.
     started_with: f32,
     medium: MediumStack,
+    clearance: Clearance,
     /// Number of surfaces met.
     depth: u32,
     /// Number of times that media scattered it where that is stored.
@@ -387,7 +421,8 @@ impl Flight {
             })
         } else {
             let weights = line.map_or(arriving, Line::primaries);
-            next_event_in_media(scene, &ray, &mut self.medium, (weights, u), |_| in_media = true)
+            let (medium, clearance) = (&mut self.medium, &mut self.clearance);
+            walk_in_media(scene, &ray, medium, (weights, u), clearance, |_| in_media = true)
         };
         let ends_at = |bounding: &[bool]| match &passage.event {
             Event::Surface(arrival) => bounding[arrival.hit.surface as usize],
@@ -425,8 +460,10 @@ impl Flight {
             }
             Event::Medium(collision) => {
                 if pass.in_media && !self.only_specular {
+                    tally.media_paths += u64::from(self.scattered == 0);
+                    tally.media_collisions += 1;
                     // So that the photons of a dense medium are not those of a few paths.
-                    let share = ALL_STORED / (ALL_STORED + self.scattered as f32);
+                    let share = pass.kept.share(collision.position, self.scattered);
                     if self.rng.next_f32() < share {
                         photons.media.scatter(&ray, &collision, (self.power / share, line));
                     }

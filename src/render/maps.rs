@@ -414,6 +414,18 @@ impl MapBuilder<'_> {
                 traced.emitted
             ));
         }
+        if kind == MapKind::Global {
+            for (medium, depth) in self.pass.maps.media.blurred(scene) {
+                // The width falls with the root cube of the number.
+                let times = (f64::from(depth) / 0.5).powi(3).ceil();
+                self.pass.warnings.push(format!(
+                    "photons in the medium `{}` are so few that light is blurred over {depth:.1} mean free paths, and thin parts of it show \
+                     too much or too little light: --volume-photons {} would be enough, or --integrator path is exact",
+                    scene.medium(medium).name,
+                    (stored as f64 * times).max(1.0) as u64
+                ));
+            }
+        }
         let truncated: u64 = traced.tallies.iter().map(|tally| tally.truncated).sum();
         if is_worth_a_warning(truncated, traced.emitted) {
             self.pass.warnings.push(format!(

@@ -1,5 +1,6 @@
 //! Events and transmittance in scattering media.
 
+use super::clearance::Clearance;
 use super::event::{Arrival, Event};
 use super::visibility::attenuation_of;
 use crate::math::{Ray, Rgb};
@@ -80,6 +81,60 @@ pub fn next_event_in_media<'a>(
     pass: impl FnMut(&Stretch<'a>),
 ) -> Passage<'a> {
     through_media(scene, ray, medium, (Some(throughput), u), pass)
+}
+
+/// [`next_event_in_media`] for a walk that knows its distance from surfaces: while it collides closer than that it traces no ray. The event
+/// and its weight are the same; the length of its stretch may end anywhere after the collision.
+pub fn walk_in_media<'a>(
+    scene: &'a Scene,
+    ray: &Ray,
+    medium: &mut MediumStack,
+    (throughput, u): (Rgb, f32),
+    clearance: &mut Clearance,
+    mut pass: impl FnMut(&Stretch<'a>),
+) -> Passage<'a> {
+    if let Some((collision, weight)) = collision_within(scene, ray, *medium, (throughput, u), clearance) {
+        pass(&collision.stretch);
+        return Passage { event: Event::Medium(collision), weight, emitted: Rgb::ZERO };
+    }
+    let passage = through_media(scene, ray, medium, (Some(throughput), u), pass);
+    match &passage.event {
+        Event::Medium(collision) => clearance.moved(collision.distance),
+        Event::Surface(_) | Event::Escape => clearance.forget(),
+    }
+    passage
+}
+
+/// The collision of a walk, and its weight, if it is nearer than any surface.
+fn collision_within<'a>(
+    scene: &'a Scene,
+    ray: &Ray,
+    medium: MediumStack,
+    (throughput, u): (Rgb, f32),
+    clearance: &mut Clearance,
+) -> Option<(Collision<'a>, Rgb)> {
+    let volume = scene.medium(medium.medium()).volume.as_ref()?;
+    let coefficients = volume.coefficients();
+    if coefficients.scattering() == Rgb::ZERO || coefficients.emission() != Rgb::ZERO {
+        return None;
+    }
+    let clear = clearance.at(scene, ray, volume);
+    if clear == 0.0 {
+        return None;
+    }
+    let (line, _) = Line::from_ray(ray)?;
+    let mut rng = rng_of(ray, u);
+    let own = rng.split();
+    let flight = volume.fly(&line, f64::INFINITY, throughput, Losses::Weighted, &mut rng);
+    let End::Scattered { t, weight } = flight.end else { return None };
+    if !(t < f64::from(clear)) {
+        return None;
+    }
+    clearance.moved((t as f32).next_up());
+    let stretch = Stretch { line, length: clear.into(), volume, medium, weight: Rgb::ONE, rng: own };
+    let position = line.at(t).as_vec3();
+    let collision = Collision { stretch, t, position, distance: t as f32, phase: volume.phase() };
+    Some((collision, weight * coefficients.albedo()))
 }
 
 /// As [`next_event_in_media`], for light that media do not scatter: the ray ends at a surface or leaves the scene, and its weight is the

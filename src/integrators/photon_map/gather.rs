@@ -13,7 +13,7 @@ use crate::sampling::{SampleStream, mix};
 use crate::scene::{Shading, SurfaceInteraction};
 use crate::spectra::{Line, at_line};
 use crate::transport::{
-    Arrival, Collision, Event, MisPartner, emitted, escaped, next_event, next_event_in_media, receiver,
+    Arrival, Clearance, Collision, Event, MisPartner, emitted, escaped, next_event, receiver, walk_in_media,
 };
 use glam::Vec3;
 use std::f32::consts::FRAC_1_PI;
@@ -233,6 +233,7 @@ impl PhotonMapIntegrator<'_> {
         let own = u;
         // Where the path first collided in the present medium.
         let mut walk = start.collided.map(|(collision, _)| collision.position);
+        let mut clearance = Clearance::default();
         let mut next_partner = start.partner;
         for depth in 0..self.settings.max_depth {
             scratch.counters.depth_sum += 1;
@@ -241,7 +242,8 @@ impl PhotonMapIntegrator<'_> {
             let event = if self.scene.scatters() {
                 let u = refreshed(own, FLIGHTS + depth);
                 let weights = line.map_or(throughput, Line::primaries);
-                let passage = next_event_in_media(self.scene, &ray, &mut medium, (weights, u), |_| ());
+                let passage =
+                    walk_in_media(self.scene, &ray, &mut medium, (weights, u), &mut clearance, |_| ());
                 throughput *= at_line(line, passage.weight);
                 passage.event
             } else {

@@ -133,6 +133,22 @@ impl MediaMaps {
         if peak > SHARP_PEAK || depth > LARGEST_DEPTH { Reading::Beyond(width) } else { Reading::Along }
     }
 
+    /// Media in which light that was scattered before is read with kernels wider than a mean free path, so that it is blurred where the
+    /// medium is thin or light enters: each with the median width in mean free paths of the densest channel.
+    pub fn blurred(&self, scene: &Scene) -> Vec<(MediumId, f32)> {
+        let depth = |medium: MediumId, maps: &MediumMaps| {
+            let volume = scene.medium(medium).volume.as_ref()?;
+            let width = maps.scattered.as_ref()?.usual_width();
+            (volume.phase().peak() <= SHARPEST_PEAK)
+                .then(|| width * volume.coefficients().extinction().max_element())
+        };
+        let media = self.media.iter();
+        media
+            .filter_map(|(&id, maps)| Some((id, depth(id, maps)?)))
+            .filter(|&(_, depth)| depth > 1.0)
+            .collect()
+    }
+
     /// Light of photons that a medium scatters at a place towards `wo`: radiance per unit of length, over the scattering coefficient there.
     pub fn at(
         &self,

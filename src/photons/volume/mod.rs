@@ -13,6 +13,8 @@ mod maps;
 mod nearest;
 mod points;
 mod record;
+mod thinning;
 
 pub use maps::{MediaLight, MediaMaps, MediaSizes, Reading};
 pub(super) use record::MediaRecords;
+pub(super) use thinning::Thinning;
