@@ -11,7 +11,7 @@
 #     ROUNDS=256     rounds of the picture
 #     PARTS=16       parts, at most a sixteenth of the rounds
 #     OUT=NAME.exr   the picture; NAME is that of the scene. Parts are kept in OUT.parts until the picture is whole
-#     ISA=avx2       instruction set, which all nodes must have; another one gives other last bits
+#     ISA=avx2       instruction set, which all nodes must have; parts of different sets are refused
 #     TRIES=20       how many times missing parts are asked for
 #     AT_ONCE=       parts that run at once, where not all may
 #     PART_OPTIONS=  options of sbatch for parts, such as "--time=1:00:00 --cpus-per-task=8"
@@ -80,14 +80,24 @@ run() {
     return "$status"
 }
 
+# Renders a part, by its number.
+part() {
+    local i=$1
+    shift
+    run "$CARDIOID" part "$scene" --rounds "$ROUNDS" --part "$i/$PARTS" --isa "$ISA" -o "$folder/$i.part" "$@"
+}
+
 case $role in
 start)
     mkdir -p "$folder"
+    # Parts that are there already must be of this picture: `part` does nothing for one that is, and refuses another.
+    for ((i = 1; i <= PARTS; i++)); do
+        if [ -e "$folder/$i.part" ]; then part "$i" "$@"; fi
+    done
     submit "$@"
     ;;
 part)
-    i=$SLURM_ARRAY_TASK_ID
-    run "$CARDIOID" part "$scene" --rounds "$ROUNDS" --part "$i/$PARTS" --isa "$ISA" -o "$folder/$i.part" "$@"
+    part "$SLURM_ARRAY_TASK_ID" "$@"
     ;;
 merge)
     status=0

@@ -11,10 +11,10 @@ checkout=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 work=$(mktemp -d)
 trap 'rm -rf -- "$work"' EXIT
 
-# As a fresh clone, after `make demo`, which makes the folder out.
+# As a fresh clone.
 git -C "$checkout" ls-files -z --cached --others --exclude-standard |
     (cd "$checkout" && tar --null --no-recursion -cf - -T -) | tar -xf - -C "$work"
-mkdir -p "$work/bin" "$work/out"
+mkdir "$work/bin"
 ln -s "$program" "$work/bin/cardioid"
 cd "$work"
 git init -q . && git add -A -- . ':!bin'
@@ -64,7 +64,11 @@ count=0 failed=0
 while IFS= read -r line; do
     case $line in
     'cardioid '*) ;;
-    'cargo install --locked --path .') continue ;;
+    './setup.sh && cargo install --locked --path .') continue ;;
+    'mkdir -p out')
+        mkdir -p out
+        continue
+        ;;
     'make '*) continue ;; # below
     *)
         printf 'readme: unknown line: %s\n' "$line"

@@ -129,7 +129,7 @@ pub(crate) fn run(args: &PartArgs) -> Result<ExitCode> {
             Err(RenderError::Checkpoint(
                 error @ (CheckpointError::Damaged { .. } | CheckpointError::Different { .. }),
             )) if rounds.resume.is_some() => {
-                if matches!(error, CheckpointError::Different { .. }) && !args.overwrite {
+                if !args.overwrite {
                     return Err(anyhow!(error).context("remove that file, or add --overwrite"));
                 }
                 say!("warning: {error}; the part begins anew");

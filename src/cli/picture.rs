@@ -42,7 +42,7 @@ pub(crate) struct SceneArgs {
 
     /// Instruction set of Embree's kernels: sse4.2, avx2 or avx512. Default: the widest that this machine has.
     ///
-    /// The last bits of a picture depend on it. With one that all machines have, all give the same bits.
+    /// Another set gives another picture of the same quality. With one that all machines have, all give the same bits.
     #[arg(long, value_name = "SET", value_parser = isa)]
     pub(crate) isa: Option<Isa>,
 
@@ -185,7 +185,9 @@ pub(crate) fn load(
     if let Some(note) = is_free.then(|| note_of_axis(&built.scene)).flatten() {
         say!("{note}");
     }
-    let hash = content_hash(&description, &args.set).context("cannot hash the scene")?;
+    let axis = args.up.iter().map(|up| ("--up".to_owned(), up.clone()));
+    let parameters: Vec<(String, String)> = args.set.iter().cloned().chain(axis).collect();
+    let hash = content_hash(&description, &parameters).context("cannot hash the scene")?;
     Ok(Loaded { path: args.scene.clone(), description, built, device, size, hash, estimate })
 }
 

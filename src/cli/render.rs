@@ -236,6 +236,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<ExitCode> {
         let _library = Loading::start();
         let seconds_scene = start.elapsed().as_secs_f64();
         let request = request(args, &loaded);
+        if args.whole && args.crop.is_some() && request.settings.adaptive {
+            bail!("windows of a picture with --adaptive cannot be merged: each would share out its own samples; leave --adaptive out");
+        }
+        if args.whole && args.time_limit.is_some() && request.settings.integrator != IntegratorKind::Path {
+            bail!(
+                "--time-limit sizes photon maps to fit, so that the picture would be whole but another one: leave it out beside --whole"
+            );
+        }
         if args.time_limit.is_some() {
             console.busy("measuring how fast the disk is");
             // The measurement may run while the machine is busy, so it must not use up the remaining time.

@@ -77,8 +77,7 @@ unsafe extern "C" fn measure(arguments: *mut sys::RTCPointQueryFunctionArguments
         (arguments, search, context)
     };
     let primitive = (arguments.geomID, arguments.primID);
-    let is_direct = context.instStackSize == 0;
-    let distance = if is_direct {
+    let distance = if context.instStackSize == 0 {
         search.scene.distance(primitive, &DAffine3::IDENTITY, search.at)
     } else {
         match search.scene.resources.get(context.instID[0] as usize) {
@@ -99,11 +98,10 @@ unsafe extern "C" fn measure(arguments: *mut sys::RTCPointQueryFunctionArguments
         return false;
     }
     search.nearest = distance;
-    if is_direct {
-        // SAFETY: the query of `clearance`, which Embree reads again where the callback returns true.
-        unsafe { (*arguments.query).radius = (distance as f32).next_up() };
-    }
-    is_direct
+    // In the space of the scene, also within instances.
+    // SAFETY: the query of `clearance`, which Embree reads again where the callback returns true.
+    unsafe { (*arguments.query).radius = (distance as f32).next_up() };
+    true
 }
 
 /// Distance from a point to a triangle (Ericson, Real-Time Collision Detection, 2005, section 5.1.5).

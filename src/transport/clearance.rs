@@ -6,7 +6,7 @@ use crate::media::density::Density;
 use crate::scene::Scene;
 
 /// What a walk through a homogeneous medium knows of the distance to surfaces. The events that it meets are the same as without.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Clearance {
     /// No ray from the present place hits anything nearer.
     distance: f32,
@@ -20,8 +20,16 @@ const REACH: f32 = 32.0;
 /// With fewer mean free paths than this, a walk soon needs a ray anyway.
 const USEFUL: f32 = 2.0;
 
-/// Collisions without a question after an answer that was of little use: by then a walk is a few mean free paths away.
+/// Collisions without a question at the start of a walk, and after an answer that was of little use: so thin media, in which walks are short,
+/// cost nothing, and by then a walk is a few mean free paths away.
 const PATIENCE: u8 = 8;
+
+impl Default for Clearance {
+    /// Of a walk that begins.
+    fn default() -> Self {
+        Self { distance: 0.0, wait: PATIENCE }
+    }
+}
 
 impl Clearance {
     /// The distance within which a ray from where the walk is now hits nothing, for a collision in `volume`; zero where it is not known.
@@ -49,6 +57,6 @@ impl Clearance {
 
     /// The walk left the medium, or met a surface.
     pub(super) fn forget(&mut self) {
-        *self = Self { distance: 0.0, wait: PATIENCE };
+        *self = Self::default();
     }
 }

@@ -56,7 +56,10 @@ fn a_scene_of_several_files_is_the_scene_of_one() {
             "unit = \"cm\"\n{MATERIALS}[materials.unused]\ntype = \"mirror\"\n[textures.unused]\ntype = \"noise\"\nsize = 1\n"
         ),
     );
-    write("lib/things.toml", format!("unit = \"cm\"\ninclude = \"materials.toml\"\n{SHAPES}"));
+    write(
+        "lib/things.toml",
+        format!("unit = \"cm\"\ninclude = [\"materials.toml\", \"../scene.toml\"]\n{SHAPES}"),
+    );
     write("scene.toml", format!("include = [\"lib/things.toml\", \"lib/materials.toml\"]\n{HEAD}"));
     write(
         "whole.toml",

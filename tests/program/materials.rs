@@ -156,14 +156,15 @@ fn normal_maps_tilt() {
     // (0.6, 0, 0.8), and (0, 0.6, 0.8): green is up.
     folder.image("right.png", 4, |_, _| [204, 128, 230]);
     folder.image("up.png", 4, |_, _| [128, 204, 230]);
-    let radiance = |map: &str, direction: &str| {
+    let mirrored = |map: &str, direction: &str, transform: &str| {
         let text = format!(
             "{}[textures.n]\ntype = \"image\"\nfile = \"{map}.png\"
-            [materials.m]\ntype = \"lambert\"\nreflectance = 0.5\nnormal-map = \"n\"\n{QUAD}",
+            [materials.m]\ntype = \"lambert\"\nreflectance = 0.5\nnormal-map = \"n\"\n{QUAD}{transform}",
             VIEW.replace("[0, 0, -1]", direction)
         );
         folder.picture(&text, 4)[27][0]
     };
+    let radiance = |map: &str, direction: &str| mirrored(map, direction, "");
     let straight = "[0, 0, -1]";
     let [from_right, from_left, from_above, from_below] =
         ["[-0.6, 0, -0.8]", "[0.6, 0, -0.8]", "[0, -0.6, -0.8]", "[0, 0.6, -0.8]"];
@@ -181,6 +182,20 @@ fn normal_maps_tilt() {
     ] {
         let (a, b) = (radiance(one.0, one.1), radiance(other.0, other.1));
         assert!((a / b - 1.0).abs() < 0.02, "{one:?} {a} {b}");
+    }
+    // A picture that is mirrored has its relief mirrored, and not turned inside out.
+    let [aside, over] =
+        ["[-1, 1, 1]", "[1, -1, 1]"].map(|scale| format!("transform = [{{ scale = {scale} }}]\n"));
+    for (map, direction, transform, as_from) in [
+        ("up", from_above, &aside, from_above),
+        ("up", from_below, &aside, from_below),
+        ("right", from_left, &aside, from_right),
+        ("up", from_below, &over, from_above),
+        ("up", from_above, &over, from_below),
+        ("right", from_right, &over, from_right),
+    ] {
+        let (a, b) = (mirrored(map, direction, transform), radiance(map, as_from));
+        assert!((a / b - 1.0).abs() < 0.02, "{map} {direction} {transform} {a} {b}");
     }
 }
 

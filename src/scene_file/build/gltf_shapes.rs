@@ -123,7 +123,7 @@ pub(super) fn add(taken: &mut SceneDescription, shape: &Named<ShapeDescription>)
         };
         let needs = own.and_then(|material| taken.materials.get(material)).map(|it| needs_of(&it.value));
         let data = match needs.filter(|needs| needs.any()) {
-            Some(needs) => pictured::of_gltf(taken, shape, needs, (&mesh, data)),
+            Some(needs) => pictured::of_gltf(taken, shape, needs, data),
             None => Arc::clone(data),
         };
         let stays = part.value.group.is_some() && !is_grouped;

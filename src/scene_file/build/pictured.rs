@@ -7,7 +7,6 @@ use crate::scene_file::description::{
 };
 use crate::scene_file::import::material::{Needs, needs_of};
 use crate::scene_file::import::tessellate;
-use crate::scene_file::import::vertices::vertex_data;
 use crate::scene_file::mesh::{Positions, TriangleMesh};
 use crate::scene_file::mesh_file::{MeshFileError, read_mesh_file_with};
 use crate::textures::VertexData;
@@ -86,9 +85,8 @@ pub(super) fn add(
         taken.warnings.push(without_coordinates(shape));
     }
     let transform = shape.value.transform * before;
-    let is_mirrored = transform.matrix3.determinant() < 0.0;
-    let uvs = upright(uvs.unwrap_or_default());
-    let data = vertex_data(&mesh, uvs, Vec::new(), needs, is_mirrored);
+    // Without tangents: those at a hit follow the coordinates there, also where these are mirrored, by the mesh or by the transform.
+    let data = VertexData { uvs: [upright(uvs.unwrap_or_default()), Vec::new()], ..VertexData::default() };
     taken.shapes.push(Named {
         value: ShapeDescription {
             geometry: GeometryDescription::Gltf { mesh: Arc::new(mesh), data: Arc::new(data) },
@@ -111,15 +109,11 @@ pub(super) fn of_gltf(
     taken: &mut SceneDescription,
     shape: &Named<ShapeDescription>,
     needs: Needs,
-    (mesh, data): (&TriangleMesh, &Arc<VertexData>),
+    data: &Arc<VertexData>,
 ) -> Arc<VertexData> {
     let [uvs, _] = &data.uvs;
     if needs.coordinates && uvs.is_empty() {
         taken.warnings.push(without_coordinates(shape));
-    }
-    if needs.tangents && data.tangents.is_empty() && !uvs.is_empty() {
-        let found = vertex_data(mesh, uvs.clone(), Vec::new(), needs, false);
-        return Arc::new(VertexData { tangents: found.tangents, ..VertexData::clone(data) });
     }
     Arc::clone(data)
 }

@@ -36,6 +36,10 @@ impl Library {
     /// Reads what a table includes. Errors at the table are recorded in its context.
     pub(super) fn read(&mut self, table: &mut Table<'_>, depth: usize) -> Option<()> {
         let Some(value) = table.get("include") else { return Some(()) };
+        if depth == 0 {
+            // A file that includes the scene's own does not add it a second time.
+            self.seen.extend(table.context().file().canonicalize());
+        }
         let paths: Vec<Value<'_>> = if value.is_string() {
             vec![value]
         } else {

@@ -161,7 +161,10 @@ fn read_shape(
         && parts.iter().flatten().any(|&part| needs.get(part).is_some_and(|needs| needs.any()))
     {
         table.refuse::<()>(
-            format!("an operand of {} has a material with an image, a normal map or an alpha", table.title()),
+            format!(
+                "an operand of {} has a material with an image, a normal map, an alpha or anisotropy",
+                table.title()
+            ),
             "operands have no texture coordinates: give it another material",
         );
     }
@@ -172,7 +175,7 @@ fn read_shape(
     {
         table.refuse::<()>(
             format!(
-                "{} has no texture coordinates, and its material has an image, a normal map or an alpha",
+                "{} has no texture coordinates, and its material has an image, a normal map, an alpha or anisotropy",
                 table.title()
             ),
             "give it to a quad, sphere, disc, cylinder or box, or to a mesh that has coordinates",
@@ -180,7 +183,7 @@ fn read_shape(
     }
     if needs.any() && (matches!(displacement, Some(Some(_))) || matches!(illumination, Some(Some(_)))) {
         table.refuse::<()>(
-            format!("{} has a displacement or an illumination map, and its material has an image, a normal map or an alpha", table.title()),
+            format!("{} has a displacement or an illumination map, and its material has an image, a normal map, an alpha or anisotropy", table.title()),
             "leave one of them out",
         );
     }
@@ -189,6 +192,12 @@ fn read_shape(
         table.refuse::<()>(
             format!("{} emits, and shapes of its type have no light sampling", table.title()),
             "let a mesh, quad, sphere, cylinder or disc emit",
+        );
+    }
+    if needs.data && matches!(emission, Some(Some(_))) {
+        table.refuse::<()>(
+            format!("{} emits, and its material has an `alpha` or a `cutout`", table.title()),
+            "light sources are whole: give it another material, or the outline by its shape",
         );
     }
     let is_split = match &geometry {

@@ -234,6 +234,7 @@ fn cameras() {
         ("type = \"panorama\"\nlens-radius = 1", "unknown key `lens-radius`"),
         ("type = \"fisheye\"\nfov = 361", "at most 360"),
         ("sensor = [36, 24]", "no `focal-length`"),
+        ("focal-length = 35", "it would change nothing"),
         ("sensor = [36, 24]\nfocal-length = 50\nfov = 30", "both `fov`"),
         ("sensor = 36\nfocal-length = 50", "a list of 2 numbers"),
         ("sensor = [36, -24]\nfocal-length = 50", "a length above zero"),

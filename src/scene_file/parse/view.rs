@@ -103,6 +103,8 @@ enum Kind {
 struct FocalLength {
     length: f64,
     unit: f64,
+    /// Whether it says with a sensor what is in view.
+    is_of_sensor: bool,
 }
 
 const AXES: [(&str, FovAxis); 2] = [("vertical", FovAxis::Vertical), ("horizontal", FovAxis::Horizontal)];
@@ -121,7 +123,7 @@ fn read_perspective(
     let Some(sensor) = sensor else {
         let axis = axis.unwrap_or(FovAxis::Vertical);
         let fov = fov.unwrap_or(FOV);
-        let focal_length = focal_length.map(|length| FocalLength { length, unit });
+        let focal_length = focal_length.map(|length| FocalLength { length, unit, is_of_sensor: false });
         return Some((ProjectionDescription::Perspective { fov, axis }, focal_length));
     };
     let Some(focal_length) = focal_length else {
@@ -145,7 +147,7 @@ fn read_perspective(
         );
     }
     let axis = FovAxis::Sensor { aspect: width / height };
-    let focal_length = FocalLength { length: focal_length, unit: 1e-3 };
+    let focal_length = FocalLength { length: focal_length, unit: 1e-3, is_of_sensor: true };
     Some((ProjectionDescription::Perspective { fov, axis }, Some(focal_length)))
 }
 
@@ -178,6 +180,12 @@ fn read_lens(
     let focus = table.optional("focus-distance", |value| value.number(&RADIUS));
     let (radius, focus) = (radius?, focus?);
     let radius = match (radius, f_number?, focal_length) {
+        (_, None, Some(FocalLength { is_of_sensor: false, .. })) => {
+            return table.refuse(
+                "the camera has a `focal-length`, and neither a `sensor` nor an `f-number`: it would change nothing",
+                "add `sensor`, for example `sensor = [36, 24]`, or `f-number`, or write `fov`",
+            );
+        }
         (None, Some(f_number), Some(focal_length)) => {
             Some(0.5 * focal_length.length / f_number * focal_length.unit)
         }
