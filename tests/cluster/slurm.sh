@@ -29,14 +29,14 @@ finish() {
     for pid in "${daemons[@]}"; do wait "$pid" 2>/dev/null || true; done
     if [ "$status" != 0 ]; then
         echo "tests/cluster: failed; logs:" >&2
-        tail -n 20 "$D"/log/* "$D"/work/*.out >&2 || true
+        tail -n 20 "$D"/log/* "$D"/jobs/*.out >&2 || true
     fi
     rm -rf -- "$D"
     exit "$status"
 }
 trap finish EXIT
 
-mkdir -p "$D/munge" "$D/state" "$D/log" "$D/spool-n1" "$D/spool-n2" "$D/work"
+mkdir -p "$D/munge" "$D/state" "$D/log" "$D/spool-n1" "$D/spool-n2" "$D/jobs"
 dd if=/dev/urandom of="$D/munge/munge.key" bs=128 count=1 status=none
 chmod 600 "$D/munge/munge.key"
 chown -R munge:munge "$D/munge"
@@ -107,7 +107,7 @@ until_true() {
 both_idle() { [ "$(sinfo -h -t idle -o %D)" = 2 ]; }
 until_true 60 both_idle || skip "the daemons of Slurm do not work here"
 
-cd "$D/work"
+cd "$D/jobs"
 scene=$checkout/scenes/cornell-spheres.toml
 options=(--resolution 64x48 --spp 4 --global-photons 3000 --caustic-photons 4000 --threads 1 -q)
 isa=sse4.2
@@ -115,7 +115,7 @@ export CARDIOID=$program ROUNDS=64 PARTS=4 OUT=cluster.exr ISA=$isa TRIES=10
 one_machine() {
     "$program" render "$scene" --integrator progressive --rounds 64 --isa "$isa" "${options[@]}" -o one.exr
 }
-submit() { sbatch --parsable --output="$D/work/%A-%a.out" "$checkout/cluster/slurm.sh" "$scene" "${options[@]}"; }
+submit() { sbatch --parsable --output="$D/jobs/%A-%a.out" "$checkout/cluster/slurm.sh" "$scene" "${options[@]}"; }
 part_runs() { pgrep -f -- "^$program part .*cluster.exr.parts"; }
 same() { "$program" compare one.exr "$1" --json | grep -q '"rmse": 0.0,'; }
 
